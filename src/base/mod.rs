@@ -7,5 +7,6 @@ pub mod input;
 pub mod math;
 pub(crate) mod memory;
 pub mod iteration_set;
+pub mod photometry;
 pub(crate) mod pool;
 pub mod rng;

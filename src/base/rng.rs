@@ -24,6 +24,8 @@ pub enum Stream {
     LightPathSet = 8,
     /// For the tiles in which the error of a denoised image is estimated.
     Denoiser = 9,
+    /// One stream per light path of a goniophotometer.
+    Goniometer = 10,
 }
 
 /// Index of camera path `path` of `pixel` in the stream [`Stream::CameraPath`].

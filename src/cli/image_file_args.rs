@@ -2,6 +2,7 @@
 
 use super::settings_args::word;
 use bdpm::image_io::{ExrCompression, ExrFormat, ToneCurve, ToneMapping};
+use std::path::{Path, PathBuf};
 
 /// Format of an image and its preview.
 #[derive(clap::Args)]
@@ -21,6 +22,9 @@ pub struct ImageFileArgs {
     /// Write colors of the EXR image as 16-bit floats, and other layers as 32-bit floats
     #[arg(long)]
     half: bool,
+    /// Add luminance in cd/m2 as a layer, and write it in false colors to a second PNG
+    #[arg(long)]
+    photometric: bool,
 }
 
 const TONE_CURVE: &[(&str, &str)] = &[
@@ -41,6 +45,11 @@ impl ImageFileArgs {
     /// Tone mapping of the preview.
     pub fn tone_mapping(&self) -> ToneMapping {
         ToneMapping { curve: self.tonemap, stops: self.exposure }
+    }
+
+    /// The file of the luminance in false colors beside the image, if one is written.
+    pub fn false_color(&self, exr: &Path) -> Option<PathBuf> {
+        self.photometric.then(|| exr.with_extension("luminance.png"))
     }
 
     /// Format of the EXR file of a whole image.

@@ -63,6 +63,7 @@ struct LightSummary {
     points: usize,
     spots: usize,
     suns: usize,
+    luminaires: usize,
     triangles: usize,
     environment: bool,
     /// Radiant power per channel, W.
@@ -75,6 +76,7 @@ impl LightSummary {
             (self.points, "point"),
             (self.spots, "spot"),
             (self.suns, "sun"),
+            (self.luminaires, "luminaire"),
             (self.triangles, "triangle"),
         ];
         let some = all.into_iter().filter(|(count, _)| *count > 0);
@@ -212,6 +214,7 @@ impl<'a> InfoReport<'a> {
                 points: count(|e| matches!(e, Emitter::Point { .. })),
                 spots: count(|e| matches!(e, Emitter::Spot(_))),
                 suns: count(|e| matches!(e, Emitter::Directional(_))),
+                luminaires: count(|e| matches!(e, Emitter::Luminaire(_) | Emitter::Opening(_))),
                 triangles: count(|e| matches!(e, Emitter::Triangle { .. } | Emitter::Textured(_))),
                 environment: scene.lights().environment().is_some(),
                 power: scene.lights().power().to_array(),

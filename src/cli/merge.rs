@@ -88,7 +88,12 @@ pub fn run(args: &Args) -> Result<String> {
         warn(&format!("warning: {missing} is missing"));
     }
     let mut attempts = Attempts::default();
-    let outputs = Outputs { exr: args.output.clone(), png, checkpoint: args.checkpoint.clone() };
+    let outputs = Outputs {
+        exr: args.output.clone(),
+        png,
+        false_color: args.files.false_color(&args.output),
+        checkpoint: args.checkpoint.clone(),
+    };
     let image = combined(&checkpoint);
     if image.iterations() == 0 {
         return Err(Error::new("the parts hold no iteration", "render them first"));

@@ -10,6 +10,8 @@ mod convert;
 mod black_image;
 mod denoise;
 mod dry_run;
+mod glare;
+mod goniometer;
 mod image_file_args;
 mod info;
 mod interrupts;
@@ -85,6 +87,10 @@ enum Command {
     Info(info::Args),
     /// Write a scene as a folder that can be edited: TOML, OBJ and PNG files
     Convert(convert::Args),
+    /// Measure the luminous intensity distribution of a luminaire's model
+    Goniometer(goniometer::Args),
+    /// Rate the discomfort glare of a fisheye image: DGP and UGR
+    Glare(glare::Args),
     /// Compare an image with a reference
     Compare(compare::Args),
     /// Denoise an image, guided by its albedo and normals if it has them
@@ -122,6 +128,8 @@ pub fn run() -> ExitCode {
         Command::Reproduce(args) => paper::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Convert(args) => convert::run(&args),
+        Command::Goniometer(args) => goniometer::run(&args),
+        Command::Glare(args) => glare::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Denoise(args) => denoise::run(&args),
         Command::Completions(args) => Ok(shell_files::completions(&args, definition())),

@@ -22,7 +22,7 @@ const GROUPS: &[Group] = &[
     Group {
         heading: "Image",
         common: &["crop", "denoise"],
-        other: &["layers", "tonemap", "exposure", "exr_compression", "half"],
+        other: &["layers", "tonemap", "exposure", "exr_compression", "half", "photometric"],
     },
     Group {
         heading: "When to stop",

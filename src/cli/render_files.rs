@@ -9,19 +9,21 @@ use bdpm::adaptive::plan::Plan;
 use bdpm::base::atomic::temporary;
 use bdpm::base::error::{Error, Result};
 use bdpm::base::file_id::{FileId, folder};
-use bdpm::base::math::Rgb;
+use bdpm::base::math::{Rgb, luminance};
+use bdpm::base::photometry::LUMENS_PER_WATT;
 use bdpm::image_io;
 use bdpm::image_io::{DisplayWindow, ExrFormat, Image, Layer, ToneMapping, Value};
 use bdpm::job::RenderState;
 use bdpm::output::denoise;
 use bdpm::output::denoise::Denoised;
+use bdpm::output::false_color::{ColorScale, FalseColorMap, ValueGrid};
 use bdpm::output::layers::{LayerName, LayerSelection};
 use bdpm::render::accumulators::SharedStatistics;
 use bdpm::render::block::CombinedImage;
 use bdpm::settings::Crop;
 use bdpm::settings::provenance::Provenance;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Time between checkpoints.
@@ -49,6 +51,8 @@ const MIN_ESTIMATED: f64 = 0.005;
 pub struct Outputs {
     pub exr: PathBuf,
     pub png: PathBuf,
+    /// Luminance in false colors.
+    pub false_color: Option<PathBuf>,
     pub checkpoint: Option<PathBuf>,
 }
 
@@ -56,7 +60,8 @@ impl Outputs {
     /// Checks the files before any work is done.
     pub fn new(args: &Args) -> Result<Self> {
         let (exr, checkpoint) = (args.output(), args.checkpoint.clone());
-        let files = Self { png: preview::beside(&exr), exr, checkpoint };
+        let false_color = args.files.false_color(&exr);
+        let files = Self { png: preview::beside(&exr), exr, false_color, checkpoint };
         outputs::check(&files.all(args))?;
         Ok(files)
     }
@@ -66,6 +71,8 @@ impl Outputs {
             Output::new("--output", &self.exr, Some("exr")),
             Output::new("the preview of --output", &self.png, Some("png")),
         ];
+        let false_color = self.false_color.as_deref();
+        all.extend(false_color.map(|path| Output::new("the file of --photometric", path, None)));
         let noise = args.noise.as_deref();
         all.extend(noise.map(|path| Output::new("--noise", path, Some("exr"))));
         let report = args.report.as_deref();
@@ -232,13 +239,18 @@ impl Writer {
         }
         let iterations = Value::Number(combined.iterations() as f64);
         metadata.insert("iterations".into(), iterations);
+        if self.outputs.false_color.is_some() {
+            let efficacy = Value::Number(f64::from(LUMENS_PER_WATT));
+            metadata.insert("luminance unit".into(), Value::Text("cd/m2".into()));
+            metadata.insert("luminance in lumens per watt".into(), efficacy);
+        }
         let layers = denoised.into_iter().flat_map(denoise::layers).collect();
         let mut image = Image { width, height, layers, metadata };
         Plan::of_blocks(combined.blocks(), combined.weights()).write_to(&mut image);
         let crop = provenance.settings.crop;
         let window = crop.map(|Crop { origin, full }| DisplayWindow { origin, size: full });
         let format = ExrFormat { window, ..self.exr_format };
-        let Outputs { exr, png, .. } = &self.outputs;
+        let Outputs { exr, png, false_color, .. } = &self.outputs;
         let rows = |rows| self.rows(sums, rows);
         // The encoder of the preview has a single thread.
         let (written, shown) = rayon::join(
@@ -247,6 +259,9 @@ impl Writer {
         );
         attempts.add(exr, || written);
         attempts.add(png, || shown);
+        if let Some(path) = false_color {
+            attempts.add(path, || write_luminance(path, (width, height), preview));
+        }
         self.time += start.elapsed();
     }
 
@@ -262,6 +277,10 @@ impl Writer {
             layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
         }
         layers.extend(self.layers.layers(shared, combined, rows, &pixels));
+        if self.outputs.false_color.is_some() {
+            let values = pixels.iter().map(|pixel| LUMENS_PER_WATT * luminance(*pixel)).collect();
+            layers.push(Layer { name: "luminance".into(), channels: vec![("Y".into(), values)] });
+        }
         layers
     }
 
@@ -298,6 +317,17 @@ impl Writer {
             Ok(exr + whole_time(preview(rows)?, fixed, (rows, height)))
         })
     }
+}
+
+/// Writes the luminance of pixels in false colors with a legend, cd/m^2, on a logarithmic scale.
+fn write_luminance(path: &Path, (width, height): (u32, u32), pixels: &[Rgb]) -> Result<()> {
+    let values: Vec<f64> =
+        pixels.iter().map(|pixel| f64::from(LUMENS_PER_WATT * luminance(*pixel))).collect();
+    let grid = ValueGrid::new(width, height, &values);
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let captions = [format!("Luminance, mean {} cd/m²", image_io::number(mean))];
+    let scale = ColorScale::logarithmic(grid);
+    FalseColorMap { grid, scale, unit: "cd/m²", captions: &captions }.write_png(path)
 }
 
 /// Time of a file of `height` lines, from the time of one of `rows` lines. A time `fixed` for opening and closing the file

@@ -133,7 +133,7 @@ pub(super) fn soft(white: f32) -> Environment {
 }
 
 /// Pixels of an image of radiances.
-pub(super) fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
+pub fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     match &extension[..] {
         "exr" => {
@@ -146,7 +146,7 @@ pub(super) fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
         }
         "hdr" => read_hdr(path),
         _ => {
-            let problem = "the environment is neither an .exr nor an .hdr file";
+            let problem = "the image is neither an .exr nor an .hdr file";
             Err(Error::new(problem, "convert it to one of these").at(path))
         }
     }

@@ -12,6 +12,7 @@ use super::mitsuba;
 use super::obj::{self, ObjFile};
 use super::pbrt;
 use super::ply::{self, VDirection};
+use super::scene_file::light::TableLight;
 use super::scene_file::texture::TomlTextures;
 use super::scene_file::{self, MeshFileKind, SceneFile};
 use super::summary::SceneSummary;
@@ -264,6 +265,19 @@ fn build_toml(
             Error::new(problem, "scale the scene down").at(path)
         })?;
     }
+    let mut lights = Vec::new();
+    for table in &file.light {
+        let start = table.span().start;
+        // Problems of a photometric file are about that file.
+        let place = |error: Error| if error.has_location() { error } else { at(error, start) };
+        match table.get_ref().light(folder).map_err(place)? {
+            TableLight::Emitter(emitter) => lights.push(emitter),
+            TableLight::Luminaire(luminaire, notes) => {
+                builder.warnings.extend(notes.into_iter().map(Warning::chosen));
+                lights.extend(builder.add_luminaire(luminaire).map_err(place)?);
+            }
+        }
+    }
     builder.arrange(path)?;
 
     let used: BTreeSet<&str> = builder.materials.iter().map(|m| m.name.as_str()).collect();
@@ -273,11 +287,6 @@ fn build_toml(
         let text = format!("{}: no mesh uses the material {}", path.display(), list(unused));
         builder.warnings.push(Warning::chosen(text));
     }
-    let lights = file
-        .light
-        .iter()
-        .map(|table| table.get_ref().emitter().map_err(|error| at(error, table.span().start)));
-    let lights = lights.collect::<Result<_>>()?;
     let regions = file
         .regions
         .iter()

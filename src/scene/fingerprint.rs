@@ -2,8 +2,8 @@
 
 use super::texture::{Sampling, Texture};
 use super::{
-    Camera, Directional, Emitter, Environment, Extent, FieldOfView, InsetGrid, Material, Mesh,
-    Meter, MeterKind, Meters, NormalMap, Optics, Placement, Scene,
+    AimedDistribution, Camera, Directional, Emitter, Environment, Extent, FieldOfView, InsetGrid,
+    Material, Mesh, Meter, MeterKind, Meters, NormalMap, Optics, Placement, Scene,
 };
 use crate::base::math::Rgb;
 use crate::scene::bsdf::{Bsdf, FacetModel, Facets, Reflectance};
@@ -110,6 +110,7 @@ impl Hash {
             normal_map,
             emission,
             emission_texture,
+            luminous_opening,
             hidden_from_camera,
         } = material;
         for (name, texture) in [
@@ -134,6 +135,10 @@ impl Hash {
         }
         if *hidden_from_camera {
             self.text("hidden");
+        }
+        if let Some(opening) = luminous_opening {
+            self.text(if opening.is_flat() { "flat opening" } else { "opening" });
+            self.aimed(opening.aimed());
         }
         self.bsdf(bsdf);
         self.vec3(*emission);
@@ -224,8 +229,23 @@ impl Hash {
             Emitter::Directional(Directional { direction, irradiance, .. }) => {
                 self.record(3, &[*direction, *irradiance], &[]);
             }
-            Emitter::Triangle { .. } | Emitter::Textured(_) => {}
+            Emitter::Luminaire(lamp) => {
+                self.record(4, &[lamp.position], &[]);
+                self.aimed(&lamp.aimed);
+            }
+            Emitter::Triangle { .. } | Emitter::Textured(_) | Emitter::Opening(_) => {}
         }
+    }
+
+    fn aimed(&mut self, aimed: &AimedDistribution) {
+        let own = aimed.distribution();
+        self.u32(own.photometry() as u32);
+        let lists = [own.polar(), own.azimuth(), own.values(), &aimed.axes().to_cols_array()];
+        for list in lists {
+            self.count(list.len());
+            list.iter().for_each(|value| self.0.update(&value.to_bits().to_le_bytes()));
+        }
+        self.vec3(aimed.factor());
     }
 
     fn camera(&mut self, camera: &Camera) {

@@ -245,6 +245,10 @@ impl Lambertian {
 
     pub fn of(material: &Material) -> Self {
         let Bsdf::Lambertian { albedo, two_sided } = material.bsdf else { return Self::default() };
+        // Its emission depends on the direction.
+        if material.luminous_opening.is_some() {
+            return Self::default();
+        }
         let emits = material.emission != Rgb::ZERO;
         let flag = |flag: u32, is_set: bool| flag * u32::from(is_set);
         let flags = flag(Self::TWO_SIDED, two_sided) | flag(Self::EMITS, emits);

@@ -1,6 +1,7 @@
 //! Materials: scattering and emission of a surface.
 
 use super::alpha_mask::AlphaMask;
+use super::lights::luminaire::LuminousOpening;
 use super::{NormalMap, Texture};
 use crate::base::math::Rgb;
 use crate::scene::bsdf::Bsdf;
@@ -29,6 +30,8 @@ pub struct Material {
     pub emission: Rgb,
     /// Factor of the emission.
     pub emission_texture: Option<Arc<Texture>>,
+    /// Emission of the luminous opening of a luminaire, which depends on the direction; `emission` is then 0.
+    pub luminous_opening: Option<Arc<LuminousOpening>>,
     /// If true, camera rays pass the surface: a lamp that is not in the image, but visible in mirrors and through
     /// glass.
     pub hidden_from_camera: bool,
@@ -47,6 +50,7 @@ impl Material {
             normal_map: None,
             emission: Rgb::ZERO,
             emission_texture: None,
+            luminous_opening: None,
             hidden_from_camera: false,
         }
     }

@@ -31,6 +31,8 @@ pub use hit::HitScratch;
 pub use light_source::LightSource;
 pub use lights::emitter::{Directional, Emitter, Spot};
 pub use lights::environment::{Environment, Inset, InsetGrid};
+pub use lights::intensity::{IntensityDistribution, Photometry};
+pub use lights::luminaire::{AimedDistribution, LuminousOpening, PointLuminaire};
 pub use lights::packets::{Emissions, LightSamples, PrimarySamples};
 pub use lights::textured_emitter::TexturedTriangle;
 pub use lights::{Emission, LightSample, Lights, Receiver};
@@ -160,7 +162,6 @@ impl Scene {
 
         let mut first_triangle = Vec::with_capacity(placements.len());
         let (mut emitters, mut facets) = (lights, Vec::new());
-        let others = emitters.len();
         for (number, placement) in (0..).zip(&placements) {
             let mesh = &meshes[placement.mesh as usize];
             let first = first_of_mesh[placement.mesh as usize];
@@ -176,15 +177,19 @@ impl Scene {
             }
         }
         // `Lights` keeps the emitters with power, in this order.
-        let emitting = emitters
+        let mut kept = 0;
+        let numbers: Vec<Option<u32>> = emitters
             .iter()
-            .enumerate()
-            .filter(|(_, emitter)| emitter.has_power())
-            .zip(0..)
-            .filter_map(|((index, _), number)| {
-                Some((*facets.get(index.checked_sub(others)?)?, number))
+            .map(|emitter| {
+                let number = kept;
+                kept += u32::from(emitter.has_power());
+                emitter.has_power().then_some(number)
             })
             .collect();
+        let numbered = |(side, index): (TriangleSide, usize)| Some((side, numbers[index]?));
+        let mut emitting: Vec<_> = facets.into_iter().filter_map(numbered).collect();
+        emitting.sort_by_key(|(side, _)| *side);
+        let emitting = emitting.into();
         let lights = Lights::new(emitters);
         Ok(Self {
             name,

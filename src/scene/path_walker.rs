@@ -47,7 +47,7 @@ pub fn radiance<V: PathVisitor>(
             break;
         }
         let surface = scene.surface(&ray, &hit);
-        if is_unconnected && surface.front {
+        if is_unconnected {
             radiance += throughput * surface.emission();
         }
         // theory.md (96)

@@ -1,6 +1,7 @@
 //! Placements of meshes: a mesh with several placements is stored once.
 
 use super::diffuse::TriangleSide;
+use super::lights::luminaire::OpeningEmitter;
 use super::lights::textured_emitter::TextureEmission;
 use super::transform::Transform;
 use super::{Corners, Emitter, Material, Mesh, Scene, Triangle};
@@ -8,6 +9,7 @@ use crate::accel;
 use crate::accel::Geometry;
 use crate::base::math::Bounds;
 use glam::Vec3;
+use std::sync::Arc;
 
 /// A placed mesh and its material.
 #[derive(Clone, Copy, Debug)]
@@ -135,8 +137,8 @@ impl Scene {
 pub(super) struct Emitting<'a> {
     /// Distance off surfaces at which rays start, besides rounding errors, scene units.
     pub ray_offset: f32,
-    /// Sides that emit.
-    pub facets: &'a mut Vec<TriangleSide>,
+    /// Sides that emit, and the indices of their emitters.
+    pub facets: &'a mut Vec<(TriangleSide, usize)>,
     pub emitters: &'a mut Vec<Emitter>,
 }
 
@@ -171,6 +173,18 @@ impl Placement {
         Emitting { ray_offset, facets, emitters }: &mut Emitting,
     ) {
         let material = &materials[self.material as usize];
+        if let Some(opening) = &material.luminous_opening {
+            let triangles = stored.iter().map(|one| self.triangle(one, *ray_offset)).collect();
+            let sides = if opening.is_flat() { &[true, false][..] } else { &[true] };
+            for front in sides {
+                let own = (0..mesh.triangles.len() as u32)
+                    .map(|index| (TriangleSide::new(number, index, *front), emitters.len()));
+                facets.extend(own);
+            }
+            let emitter = OpeningEmitter::new(Arc::clone(opening), triangles);
+            emitters.push(Emitter::Opening(Box::new(emitter)));
+            return;
+        }
         let radiance = material.emission;
         if radiance.max_element() <= 0.0 {
             return;
@@ -178,15 +192,14 @@ impl Placement {
         let picture = material.emission_texture.as_ref();
         let glow =
             picture.map(|picture| TextureEmission::new(picture, radiance, mesh.triangles.len()));
-        let all = (0..).zip(mesh.triangles.iter().zip(stored));
-        emitters.extend(all.filter_map(|(index, (indices, stored))| {
+        for (index, (indices, stored)) in (0..).zip(mesh.triangles.iter().zip(stored)) {
             let shape = self.triangle(stored, *ray_offset);
             // A very small scale may leave no area.
             if shape.area() <= 0.0 {
-                return None;
+                continue;
             }
-            facets.push(TriangleSide::new(number, index, true));
-            Some(match &glow {
+            facets.push((TriangleSide::new(number, index, true), emitters.len()));
+            emitters.push(match &glow {
                 None => Emitter::Triangle { shape, radiance },
                 Some(glow) => {
                     let indices = indices.map(|index| index as usize);
@@ -194,7 +207,7 @@ impl Placement {
                     let ordered = |transform: Transform| transform.ordered(uvs);
                     glow.emitter(shape, self.transform.map_or(uvs, ordered))
                 }
-            })
-        }));
+            });
+        }
     }
 }

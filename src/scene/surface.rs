@@ -72,10 +72,15 @@ impl Surface<'_> {
         Vertex { normal, wo: self.wo, front: self.front }
     }
 
-    /// Radiance emitted from the front, W/(m^2 sr).
+    /// Radiance emitted back along the ray, W/(m^2 sr). Only luminous openings without a thickness emit from the back.
     #[inline]
     pub fn emission(&self) -> Rgb {
+        if let Some(opening) = &self.material.luminous_opening {
+            let emits = self.front || opening.is_flat();
+            return if emits { opening.radiance(self.wo) } else { Rgb::ZERO };
+        }
         match self.uv {
+            _ if !self.front => Rgb::ZERO,
             None => self.material.emission,
             Some(uv) => self.material.emission_at(uv),
         }
@@ -85,7 +90,7 @@ impl Surface<'_> {
     pub fn diffuse(&self) -> Option<DiffusePoint> {
         let Self { position, facet, normal, off_surface, .. } = *self;
         let albedo = self.bsdf.diffuse_albedo(self.front)?;
-        let emission = if self.front { self.emission() } else { Rgb::ZERO };
+        let emission = self.emission();
         let point = DiffusePoint { position, facet, normal, off_surface, albedo, emission };
         self.interpolated.is_none().then_some(point)
     }

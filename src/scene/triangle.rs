@@ -89,6 +89,12 @@ impl Triangle {
         largest * (32.0 * f32::EPSILON) + f32::MIN_POSITIVE
     }
 
+    /// The triangle whose front is the back of this one.
+    pub(super) fn flipped(&self) -> Self {
+        let Self { edge1, edge2, normal, .. } = *self;
+        Self { edge1: edge2, edge2: edge1, normal: -normal, ..*self }
+    }
+
     /// Area, scene units squared.
     pub fn area(&self) -> f32 {
         self.area

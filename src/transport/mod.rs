@@ -5,6 +5,7 @@ pub mod area;
 pub mod camera_paths;
 mod path_queue;
 pub mod gather;
+pub mod goniometer;
 pub mod kernel;
 pub mod light_paths;
 pub mod merge;

@@ -6,10 +6,12 @@ use bdpm::scene::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
 };
 use bdpm::scene::{
-    Camera, Directional, Emitter, Environment, FieldOfView, Material, Mesh, NormalMap, Spot,
-    Texture,
+    AimedDistribution, Camera, Directional, Emitter, Environment, FieldOfView,
+    IntensityDistribution, LuminousOpening, Material, Mesh, NormalMap, Photometry, PointLuminaire,
+    Spot, Texture,
 };
-use glam::Vec3;
+use glam::{DMat3, DQuat, DVec3, Vec3};
+use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 /// Pixels across and down.
@@ -22,6 +24,7 @@ pub fn all() -> Vec<(&'static str, Arc<Scene>)> {
         ("gloss-under-a-point", gloss_under_a_point()),
         ("pictures", pictures()),
         ("all-lights", all_lights()),
+        ("luminaires", luminaires()),
         ("window", window()),
     ];
     all.extend(balls().into_iter().map(|(name, bsdf)| (name, with_ball(bsdf))));
@@ -151,6 +154,49 @@ fn all_lights() -> Arc<Scene> {
     let eye = Vec3::new(-0.8, -0.85, 0.7);
     let camera = Camera::look(eye, Vec3::new(1.0, 1.0, -1.0), Vec3::Z, FieldOfView::X(75.0));
     scene(meshes, vec![gray(0.5, 0.0), gray(0.0, 4.0)], lights, camera.unwrap())
+}
+
+/// A closed box with a block, under a point luminaire, a flat opening that shines up and down, and a lantern.
+fn luminaires() -> Arc<Scene> {
+    let mut meshes = Vec::new();
+    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+        meshes.push(square(axis, -axis, 1.0, 0));
+        meshes.push(square(-axis, axis, 1.0, 0));
+    }
+    for axis in [Vec3::X, Vec3::Y] {
+        for side in [axis, -axis] {
+            meshes.push(square(Vec3::new(0.2, 0.1, -0.75) + 0.25 * side, side, 0.25, 0));
+        }
+    }
+    meshes.push(square(Vec3::new(0.2, 0.1, -0.5), Vec3::Z, 0.25, 0));
+    // Wide below, weak above, and stronger to one side
+    let polar = vec![0.0, 0.5, 1.2, 0.5 * PI, 2.2, PI];
+    let azimuth = vec![0.0, 0.5 * PI, PI, 1.5 * PI, TAU];
+    let round = |value: f64| [value, 1.5 * value, value, 0.5 * value, value];
+    let values = [1.0, 0.9, 0.6, 0.15, 0.3, 0.4].map(round).as_flattened().to_vec();
+    let own = IntensityDistribution::new(Photometry::C, polar, azimuth, values).unwrap();
+    let own = Arc::new(own);
+    let aimed = |tilt: f64, factor: f32| {
+        let turn = DQuat::from_axis_angle(DVec3::new(0.6, 0.8, 0.0), tilt);
+        AimedDistribution::new(own.clone(), DMat3::from_quat(turn), Vec3::splat(factor))
+    };
+    let position = Vec3::new(-0.6, 0.3, 0.6);
+    let point = PointLuminaire { position, aimed: aimed(0.4, 0.5) };
+    let panel = square(Vec3::new(0.4, -0.4, 0.6), Vec3::new(0.2, 0.0, 1.0), 0.15, 1);
+    let lantern = sphere(Vec3::new(0.5, 0.6, 0.3), 0.15, 1, false, 2);
+    let with_opening = |aimed, mesh: &Mesh, is_flat| {
+        let opening = LuminousOpening::new(aimed, mesh, is_flat);
+        Material { luminous_opening: Some(Arc::new(opening)), ..gray(0.0, 0.0) }
+    };
+    let materials = vec![
+        gray(0.5, 0.0),
+        with_opening(aimed(0.2, 0.6), &panel, true),
+        with_opening(aimed(0.0, 0.4), &lantern, false),
+    ];
+    meshes.extend([panel, lantern]);
+    let eye = Vec3::new(-0.8, -0.85, 0.7);
+    let camera = Camera::look(eye, Vec3::new(1.0, 1.0, -0.7), Vec3::Z, FieldOfView::X(80.0));
+    scene(meshes, materials, vec![Emitter::Luminaire(Box::new(point))], camera.unwrap())
 }
 
 /// A room with a window to an uneven environment.

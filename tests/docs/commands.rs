@@ -17,7 +17,7 @@ const SMALL_BDPM: &str = include_str!("small-bdpm.sh");
 /// Stands for `make`, `cargo`, scripts and others in the blocks: checks that targets and files exist.
 const CHECK_NAMES: &str = include_str!("check-names.sh");
 
-const SUBCOMMANDS: [&str; 14] = [
+const SUBCOMMANDS: [&str; 16] = [
     "render",
     "measure",
     "merge",
@@ -25,6 +25,8 @@ const SUBCOMMANDS: [&str; 14] = [
     "compare",
     "info",
     "convert",
+    "glare",
+    "goniometer",
     "analyze",
     "predict",
     "calibrate",

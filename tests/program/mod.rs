@@ -2,6 +2,7 @@
 
 mod automatic;
 mod denoise;
+mod goniometer;
 mod interrupts;
 mod limits;
 mod measure;
@@ -11,6 +12,7 @@ mod optimize;
 mod options;
 mod outputs;
 mod page;
+mod photometric;
 mod render;
 mod render_text;
 mod reproduce;

@@ -181,7 +181,7 @@ fn environments_come_from_exr_and_hdr_files() {
         ("radiance = 0", "has no light"),
         ("radiance = -1", "s.toml:10: light is negative"),
         ("file = \"no.exr\"", "no.exr: cannot read"),
-        ("file = \"map.png\"", "map.png: the environment is neither"),
+        ("file = \"map.png\"", "map.png: the image is neither"),
         ("file = \"bad.hdr\"", "bad.hdr: cannot read it as an HDR image"),
         ("file = \"bad.exr\"", "bad.exr: this is no EXR image"),
         ("file = \"map.exr\"\nturn_deg = inf", "`turn_deg` is not finite"),

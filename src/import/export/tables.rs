@@ -127,7 +127,7 @@ pub(super) fn environment(environment: &Environment) -> String {
 /// All `[[light]]` tables. Emissive triangles are meshes.
 pub(super) fn lights(emitters: &[Emitter], warnings: &mut Vec<Warning>) -> String {
     let mut text = String::new();
-    let mut rounded = 0;
+    let (mut rounded, mut luminaires) = (0, 0);
     let along = |unit| point(unnormalized(unit));
     let _ = emitters.iter().try_for_each(|emitter| match emitter {
         Emitter::Point { position, intensity } => {
@@ -149,8 +149,16 @@ pub(super) fn lights(emitters: &[Emitter], warnings: &mut Vec<Warning>) -> Strin
             writeln!(text, "\n[[light]]\ntype = \"sun\"\ndirection = {direction}")?;
             writeln!(text, "irradiance = {irradiance}")
         }
+        Emitter::Luminaire(_) | Emitter::Opening(_) => {
+            luminaires += 1;
+            Ok(())
+        }
         Emitter::Triangle { .. } | Emitter::Textured(_) => Ok(()),
     });
+    if luminaires > 0 {
+        let text = format!("left out the light of {luminaires} luminaires: copy their files");
+        warnings.push(Warning::skipped(text));
+    }
     if rounded > 0 {
         let text = format!("rounded the angles of {rounded} spots in the last digit");
         warnings.push(Warning::chosen(text));

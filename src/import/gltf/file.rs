@@ -27,7 +27,8 @@ const METAL_ROUGH: &str = "convert its materials: `npx @gltf-transform/cli metal
                            with metallic-roughness materials";
 
 /// The extensions that `extensionsRequired` may name.
-const SUPPORTED: [&str; 12] = [
+const SUPPORTED: [&str; 13] = [
+    "EXT_lights_ies",
     "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
     "KHR_lights_punctual",

@@ -99,6 +99,8 @@ json_objects! {
     struct NodeExtensions {
         #[serde(rename = "KHR_lights_punctual")]
         light: Option<NodeLight>,
+        #[serde(rename = "EXT_lights_ies")]
+        luminaire: Option<NodeLuminaire>,
         #[serde(rename = "EXT_mesh_gpu_instancing")]
         instancing: Option<GpuInstancing>,
     }
@@ -111,6 +113,19 @@ json_objects! {
     struct DocumentExtensions {
         #[serde(rename = "KHR_lights_punctual")]
         punctual: PunctualLights,
+        #[serde(rename = "EXT_lights_ies")]
+        ies: IesProfiles,
+    }
+
+    struct IesProfiles {
+        lights: Vec<IesProfile>,
+    }
+
+    /// An IES file.
+    struct IesProfile {
+        name: String,
+        uri: Option<String>,
+        buffer_view: Option<usize>,
     }
 
     struct PunctualLights {
@@ -196,6 +211,13 @@ json_records! {
 
     struct NodeLight {
         light: usize,
+    }
+
+    /// An instance of an IES file.
+    struct NodeLuminaire {
+        light: usize,
+        multiplier: Option<f32>,
+        color: Option<[f32; 3]>,
     }
 
     struct Accessor {

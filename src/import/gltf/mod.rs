@@ -12,6 +12,7 @@ mod instances;
 mod json;
 mod json_material;
 mod light;
+mod luminaire;
 mod material;
 mod meshes;
 mod nodes;
@@ -28,6 +29,7 @@ use crate::settings::PartialSettings;
 use buffers::Buffers;
 use glam::DAffine3;
 use json::GltfDocument;
+use luminaire::IesProfiles;
 use meshes::{MeshReader, triangle_counts};
 use pose::Pose;
 use std::collections::BTreeSet;
@@ -77,6 +79,14 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let counts = triangle_counts(&document, &nodes)?;
     builder.count(counts.placed, counts.stored, path)?;
     let buffers = Buffers::load(&document, bin, folder)?;
+    let mut profiles = IesProfiles::new(&buffers, path);
+    for node in &nodes {
+        if let Some(luminaire) = profiles.luminaire(node)? {
+            light_names.push(luminaire.name);
+            lights.push(luminaire.emitter);
+        }
+    }
+    builder.warnings.extend(profiles.warnings());
     let mut meshes = MeshReader::new(&buffers, GltfTextures::new(&buffers, folder));
     let all_maps = nodes.iter().map(|node| (node.index, node.map)).collect();
     // Place each mesh.

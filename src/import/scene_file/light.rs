@@ -1,18 +1,18 @@
 //! `[[light]]` of a scene file, in radiometric or photometric units.
 
 use super::Point;
+use super::luminaire::LuminaireTable;
 use super::numbers::NonNegative;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
+use crate::base::photometry::LUMENS_PER_WATT;
+use crate::import::luminaires::PlacedLuminaire;
 use crate::scene::lights::emitter::{Directional, Emitter, Spot};
 use crate::scene::transform::normalized;
 use glam::Vec3;
 use serde::Deserialize;
 use std::f32::consts::PI;
-
-/// Lumens per watt of light of luminance 1 in linear Rec. 709: the efficacy at 555 nm, as in glTF
-/// files.
-pub const LUMENS_PER_WATT: f32 = 683.0;
+use std::path::Path;
 
 /// Narrowest falloff of a spot in cosines. Rounding must not reduce it to 0.
 pub(in crate::import) const LEAST_FALLOFF: f32 = 1e-5;
@@ -46,11 +46,27 @@ pub(in crate::import) enum LightTable {
         irradiance: Option<NonNegative>,
         lux: Option<NonNegative>,
     },
+    Luminaire(LuminaireTable),
+}
+
+/// A light of a scene file.
+pub(in crate::import) enum TableLight {
+    Emitter(Emitter),
+    /// A luminaire, and notes about its file.
+    Luminaire(PlacedLuminaire, Vec<String>),
 }
 
 impl LightTable {
-    /// The light.
-    pub(in crate::import) fn emitter(&self) -> Result<Emitter> {
+    /// The light; files are in `folder`.
+    pub(in crate::import) fn light(&self, folder: &Path) -> Result<TableLight> {
+        if let Self::Luminaire(table) = self {
+            let (luminaire, notes) = table.luminaire(folder)?;
+            return Ok(TableLight::Luminaire(luminaire, notes));
+        }
+        self.emitter().map(TableLight::Emitter)
+    }
+
+    fn emitter(&self) -> Result<Emitter> {
         match self {
             Self::Point { position, intensity, power, candela, lumen } => {
                 let intensity = one_of(&[
@@ -101,6 +117,7 @@ impl LightTable {
                 ])?;
                 Ok(Emitter::Directional(Directional::new(unit(direction.0)?, irradiance)))
             }
+            Self::Luminaire(_) => unreachable!("`light` returns it before"),
         }
     }
 }

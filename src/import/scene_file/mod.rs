@@ -3,6 +3,7 @@
 pub(super) mod camera;
 pub(super) mod environment;
 pub(super) mod light;
+pub(super) mod luminaire;
 pub(super) mod material;
 pub(super) mod meter;
 pub(super) mod numbers;

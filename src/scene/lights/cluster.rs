@@ -92,6 +92,17 @@ impl Cluster {
             }
             Emitter::Triangle { shape, radiance } => panel(shape, *radiance),
             Emitter::Textured(lamp) => panel(&lamp.shape, lamp.mean()),
+            Emitter::Luminaire(lamp) => {
+                let (beam, intensity) = lamp.aimed.beam();
+                (at(lamp.position), beam, intensity)
+            }
+            Emitter::Opening(lamp) => {
+                let (beam, intensity) = lamp.opening.aimed().beam();
+                let corners = lamp.triangles().iter().flat_map(|triangle| {
+                    [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|uv| triangle.point(uv))
+                });
+                (corners.fold(Bounds::EMPTY, Bounds::with), beam, intensity)
+            }
             Emitter::Directional(_) => return None,
         };
         let intensity = luminance(intensity);

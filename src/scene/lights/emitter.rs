@@ -1,5 +1,6 @@
 //! The kinds of light sources: their power, the light paths that they emit, and connections to them.
 
+use super::luminaire::{OpeningEmitter, PointLuminaire};
 use super::solid_angle::SphericalTriangle;
 use super::{Emission, LightSample, below_one};
 use crate::base::math::{
@@ -35,6 +36,10 @@ pub enum Emitter {
     },
     /// A triangle that emits by a texture.
     Textured(Box<TexturedTriangle>),
+    /// A point with the intensity distribution of a luminaire.
+    Luminaire(Box<PointLuminaire>),
+    /// The luminous opening of a luminaire.
+    Opening(Box<OpeningEmitter>),
 }
 
 /// A point that emits into a cone: its full intensity within the inner angle, none outside the outer angle.
@@ -171,13 +176,22 @@ impl Directional {
 }
 
 /// Unit vector from `position` to `target`, and the square of their distance.
-fn toward(target: Vec3, position: Vec3) -> (Vec3, f32) {
+pub(super) fn toward(target: Vec3, position: Vec3) -> (Vec3, f32) {
     let to_light = target - position;
     let distance2 = to_light.length_squared();
     (to_light * distance2.sqrt().recip(), distance2)
 }
 
 impl Triangle {
+    /// Barycentric weights of the second and third corner, of the point of the plane next to `point`.
+    pub(super) fn weights(&self, point: Vec3) -> [f32; 2] {
+        let from_corner = point - self.origin;
+        // The cross product with the normal leaves out what is off the plane.
+        let inverse = self.edge1.cross(self.edge2).dot(self.normal).recip();
+        [from_corner.cross(self.edge2), self.edge1.cross(from_corner)]
+            .map(|area| area.dot(self.normal) * inverse)
+    }
+
     /// Starts a light path from a point that emits `radiance`, a function of its barycentric weights.
     pub(super) fn emit(
         &self,
@@ -195,12 +209,7 @@ impl Triangle {
 
     /// Inverse of [`Self::emit`]: the numbers that give a light path from `point`, near the triangle, along `direction`.
     fn emission_numbers(&self, point: Vec3, direction: Vec3) -> [f32; 4] {
-        let from_corner = point - self.origin;
-        // The cross product with the normal leaves out what is off the plane.
-        let inverse = self.edge1.cross(self.edge2).dot(self.normal).recip();
-        let at = [from_corner.cross(self.edge2), self.edge1.cross(from_corner)]
-            .map(|area| area.dot(self.normal) * inverse);
-        let [a, b] = uniform_triangle_inverse(at);
+        let [a, b] = uniform_triangle_inverse(self.weights(point));
         let [c, d] = cosine_hemisphere_inverse(self.normal, direction);
         [a, b, c, d]
     }
@@ -232,7 +241,7 @@ impl Triangle {
 
     /// Reciprocal of the density in solid angle with which [`Self::connect`] chooses the point `origin`, sr;
     /// `direction` leads from it to `position`.
-    fn inverse_pdf_w(&self, origin: Vec3, direction: Vec3, position: Vec3) -> f32 {
+    pub(super) fn inverse_pdf_w(&self, origin: Vec3, direction: Vec3, position: Vec3) -> f32 {
         SphericalTriangle::if_near(self, position).map_or_else(
             || direction.dot(self.normal) * self.area() / origin.distance_squared(position),
             |near| near.solid_angle(),
@@ -249,30 +258,27 @@ impl Emitter {
             Self::Directional(light) => light.area() * light.irradiance,
             Self::Triangle { shape, radiance } => PI * shape.area() * *radiance,
             Self::Textured(panel) => PI * panel.shape.area() * panel.mean(),
+            Self::Luminaire(lamp) => lamp.aimed.power(),
+            Self::Opening(lamp) => lamp.opening.aimed().power(),
         }
     }
 
-    /// The triangle that emits; `None` for point and parallel lights.
-    fn shape(&self) -> Option<&Triangle> {
-        match self {
-            Self::Triangle { shape, .. } => Some(shape),
-            Self::Textured(panel) => Some(&panel.shape),
-            Self::Point { .. } | Self::Spot(_) | Self::Directional(_) => None,
-        }
-    }
-
-    /// Mean radiance of the surface, W/(m^2 sr); `None` without a surface.
-    pub(super) fn mean_radiance(&self) -> Option<Rgb> {
+    /// Mean radiance of the surface in a unit direction, W/(m^2 sr); `None` without a surface.
+    pub(super) fn hit_radiance(&self, direction: Vec3) -> Option<Rgb> {
         match self {
             Self::Triangle { radiance, .. } => Some(*radiance),
             Self::Textured(panel) => Some(panel.mean()),
-            Self::Point { .. } | Self::Spot(_) | Self::Directional(_) => None,
+            Self::Opening(lamp) => Some(lamp.opening.radiance(direction)),
+            Self::Point { .. } | Self::Spot(_) | Self::Directional(_) | Self::Luminaire(_) => None,
         }
     }
 
     /// Returns true if no ray can hit the light: only connections and photons then carry its light.
     pub fn is_delta(&self) -> bool {
-        self.shape().is_none()
+        match self {
+            Self::Point { .. } | Self::Spot(_) | Self::Directional(_) | Self::Luminaire(_) => true,
+            Self::Triangle { .. } | Self::Textured(_) | Self::Opening(_) => false,
+        }
     }
 
     /// Starts a light path from four uniform numbers; the light was chosen with probability `prob`. The first two
@@ -289,6 +295,8 @@ impl Emitter {
             Self::Spot(spot) => spot.emit(prob, [a, b]),
             Self::Directional(light) => light.emit(prob, [a, b]),
             Self::Textured(panel) => panel.emit(prob, numbers),
+            Self::Luminaire(lamp) => lamp.emit(prob, [at[0], at[1]]),
+            Self::Opening(lamp) => lamp.emit(prob, at),
         }
     }
 
@@ -305,6 +313,8 @@ impl Emitter {
             Self::Directional(light) => two(light.emission_numbers(origin)),
             Self::Triangle { shape, .. } => four(shape),
             Self::Textured(panel) => four(&panel.shape),
+            Self::Luminaire(lamp) => lamp.emission_numbers(direction),
+            Self::Opening(lamp) => lamp.emission_numbers(origin, direction),
         }
     }
 
@@ -313,10 +323,17 @@ impl Emitter {
         luminance(self.power()) > 0.0
     }
 
-    /// Reciprocal of the density in solid angle of connections with the point `origin` of a triangle that is certain
+    /// Reciprocal of the density in solid angle of connections with the point `origin` of a surface that is certain
     /// to be chosen, sr; `direction` leads from it to `position`. `None` if it cannot be connected.
     pub(super) fn inverse_pdf_w(&self, origin: Vec3, direction: Vec3, at: Vec3) -> Option<f32> {
-        let inverse = self.shape()?.inverse_pdf_w(origin, direction, at);
+        let inverse = match self {
+            Self::Triangle { shape, .. } => shape.inverse_pdf_w(origin, direction, at),
+            Self::Textured(panel) => panel.shape.inverse_pdf_w(origin, direction, at),
+            Self::Opening(lamp) => lamp.inverse_pdf_w(origin, direction, at)?,
+            Self::Point { .. } | Self::Spot(_) | Self::Directional(_) | Self::Luminaire(_) => {
+                return None;
+            }
+        };
         Some(inverse).filter(|&inverse| inverse > 0.0)
     }
 
@@ -337,6 +354,11 @@ impl Emitter {
             Self::Textured(panel) => {
                 luminance(panel.mean()) * panel.shape.inverse_pdf_w(origin, direction, position)
             }
+            Self::Luminaire(lamp) => luminance(lamp.aimed.intensity(direction)) / distance2(),
+            Self::Opening(lamp) => {
+                let inverse = lamp.inverse_pdf_w(origin, direction, position);
+                luminance(lamp.opening.radiance(direction)) * inverse.unwrap_or(0.0)
+            }
         }
     }
 
@@ -352,6 +374,8 @@ impl Emitter {
             Self::Spot(spot) => spot.connect(position, prob),
             Self::Directional(light) => Some(light.connect(position, prob)),
             Self::Textured(panel) => panel.connect(position, prob, rng),
+            Self::Luminaire(lamp) => lamp.connect(position, prob),
+            Self::Opening(lamp) => lamp.connect(position, prob, rng),
         }
     }
 }

@@ -8,6 +8,8 @@ mod cutpoints;
 pub mod emitter;
 pub mod environment;
 pub mod guide;
+pub mod intensity;
+pub mod luminaire;
 pub(crate) mod packets;
 mod solid_angle;
 mod tree_build;
@@ -288,7 +290,7 @@ impl Lights {
         (prob * self.total_power() / emission.max(f32::MIN_POSITIVE)).min(f32::MAX)
     }
 
-    /// Density in solid angle of connections of `at` with the point `origin` of the emissive triangle with this
+    /// Density in solid angle of connections of `at` with the point `origin` of the surface of the light with this
     /// index, 1/sr.
     pub fn connection_pdf_w(&self, index: usize, origin: Vec3, at: Receiver) -> f32 {
         let prob = self.by_estimate.prob(index, at);
@@ -303,7 +305,7 @@ impl Lights {
     /// theory.md (47b), `e`.
     pub fn emission_density(&self, index: usize, [origin, direction]: [Vec3; 2]) -> Option<f32> {
         let radiance = match self.emitters.get(index) {
-            Some(emitter) => emitter.mean_radiance()?,
+            Some(emitter) => emitter.hit_radiance(direction)?,
             None => self.environment_radiance(-direction),
         };
         Some(self.emission_density_of(radiance, index, [origin, direction]))

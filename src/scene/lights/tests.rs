@@ -54,6 +54,9 @@ fn connections_to_a_triangle_have_its_form_factor() {
     assert!(lights.connect(behind, &mut rng).is_none(), "dark from behind");
 }
 
+/// Number of [`all_kinds`].
+const KINDS: usize = 10;
+
 /// Lights of every kind.
 fn all_kinds() -> Lights {
     let far = Vec3::new(0.0, 0.0, 5.0);
@@ -78,6 +81,13 @@ fn all_kinds() -> Lights {
     let points = [point(1.0, Rgb::ONE), point(-3.0, Rgb::new(2.0, 0.1, 0.0))];
     let mut emitters = vec![panel(), Emitter::Spot(spot), Emitter::Directional(sun), picture];
     emitters.extend(points);
+    let position = Vec3::new(-2.0, 1.0, 4.5);
+    let lamp = luminaire::PointLuminaire { position, aimed: luminaire::tests::aimed() };
+    emitters.push(Emitter::Luminaire(Box::new(lamp)));
+    for (is_flat, center) in [(true, Vec3::new(3.0, 0.0, 4.0)), (false, Vec3::new(0.0, 3.0, 4.0))] {
+        let opening = luminaire::tests::opening(is_flat, center);
+        emitters.push(Emitter::Opening(Box::new(opening)));
+    }
     let mut lights = Lights::new(emitters);
     let pixels = (0..32).map(|i| Rgb::new(0.1 * i as f32, 0.5, 0.2)).collect();
     let mut map = Environment::new(8, 4, pixels, 20.0);
@@ -141,10 +151,10 @@ fn ratios_of_densities_with_a_guide_are_reciprocal() {
 fn rays_of_guided_light_paths_have_the_density_of_their_numbers() {
     let (lights, guide) = guided(all_kinds());
     let mut rng = StreamKey::new(9, Stream::Test, 0).rng(0);
-    let (mut found, mut strayed, mut least, mut most) = ([0; 7], 0, f32::MAX, 0.0f32);
+    let (mut found, mut strayed, mut least, mut most) = ([0; KINDS], 0, f32::MAX, 0.0f32);
     for _ in 0..20_000 {
         let [_, numbers @ ..] = guide.start(primary_sample(&mut rng)).place;
-        let index = (rng.next_f64() * 7.0) as usize;
+        let index = (rng.next_f64() * KINDS as f64) as usize;
         let emission = lights.emit_chosen(index, 1.0, numbers);
         let density = lights.guide_density(index, [emission.origin, emission.direction]);
         let [from, to] = lights.by_power.interval(index);
@@ -192,7 +202,7 @@ fn learned_visibility_keeps_the_mean_irradiance() {
 
 fn assert_reciprocal_densities(lights: &Lights) {
     let mut rng = StreamKey::new(4, Stream::Test, 0).rng(0);
-    let (mut found, mut strayed) = ([0; 7], 0);
+    let (mut found, mut strayed) = ([0; KINDS], 0);
     for _ in 0..20_000 {
         let mut somewhere = || 6.0 * rng.next_1d() - 3.0;
         let position = Vec3::new(somewhere(), somewhere(), somewhere());

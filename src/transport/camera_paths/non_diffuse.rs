@@ -44,7 +44,7 @@ impl CameraPaths {
         mut state: PathState,
     ) -> Option<(Ray, PathState)> {
         let diffuse = state.depth.diffuse();
-        if surface.front && self.counts_hit(pass, state.depth) {
+        if self.counts_hit(pass, state.depth) {
             let mut emission = surface.emission();
             if emission != Rgb::ZERO {
                 let segment = [surface.position, -surface.wo];

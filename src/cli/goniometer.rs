@@ -1,0 +1,321 @@
+//! `bdpm goniometer SCENE`.
+
+use super::interrupts::catch_interrupts;
+use super::outputs::{self, Attempts, Output};
+use super::progress::{Progress, ProgressFormat};
+use super::{json, print_notes, say};
+use bdpm::base::atomic::write_atomically;
+use bdpm::base::error::{Error, Result};
+use bdpm::base::math::luminance;
+use bdpm::base::photometry::LUMENS_PER_WATT;
+use bdpm::image_io::digits;
+use bdpm::import::photometry::{LuminaireDescription, OpeningShape, write_eulumdat, write_lm63};
+use bdpm::import::{LoadOptions, load_with, luminaire_frame};
+use bdpm::job;
+use bdpm::output::polar_plot::{opening_angle, polar_plot};
+use bdpm::scene::IntensityDistribution;
+use bdpm::scene::backend::{self, Backend};
+use bdpm::transport::goniometer::{Goniometer, GoniometerGrid, Measured};
+use glam::DVec3;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// Measuring time unless --time or --iterations is given.
+const DEFAULT_TIME: Duration = Duration::from_secs(10);
+/// Minimum number of iterations: fewer have no standard error that is worth its name.
+const MIN_ITERATIONS: u64 = 4;
+
+#[derive(clap::Args)]
+pub struct Args {
+    /// Read the model: .toml, .gltf, .glb, .obj, .xml or .pbrt, or a folder with scene.toml
+    #[arg(value_name = "SCENE")]
+    scene: PathBuf,
+    /// Write the distribution as an IES file (LM-63-2002) [default: SCENE.ies]
+    #[arg(long, short, value_name = "OUT.ies")]
+    output: Option<PathBuf>,
+    /// Write the distribution as an EULUMDAT file as well
+    #[arg(long, value_name = "OUT.ldt")]
+    eulumdat: Option<PathBuf>,
+    /// Write a polar plot as well
+    #[arg(long, value_name = "OUT.svg")]
+    plot: Option<PathBuf>,
+    /// Measure for about this time, such as 30s or 2m [default: 10s]
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    time: Option<Duration>,
+    /// Stop after N iterations instead
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(MIN_ITERATIONS..),
+          conflicts_with = "time")]
+    iterations: Option<u64>,
+    /// Trace NF light paths per iteration
+    #[arg(long, value_name = "NF", default_value_t = 100_000,
+          value_parser = clap::value_parser!(u32).range(1..))]
+    light_paths: u32,
+    /// Measure at multiples of this angle from the nadir, degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 5.0)]
+    gamma_step: f64,
+    /// Measure in C planes at multiples of this angle, degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 15.0)]
+    c_step: f64,
+    /// Take this vector as the nadir, gamma = 0 [default: 0,-1,0]
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
+    down: Option<DVec3>,
+    /// Take the plane toward this vector as C0 [default: 1,0,0]
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
+    c0: Option<DVec3>,
+    /// State this flux of the lamps in the files, lm [default: absolute photometry]
+    #[arg(long, value_name = "LM")]
+    lamp_lumen: Option<f64>,
+    /// State this electric power in the files, W
+    #[arg(long, value_name = "W", default_value_t = 0.0)]
+    watts: f64,
+    /// Refuse a scene if a part of it would be skipped
+    #[arg(long)]
+    strict: bool,
+    /// Seed all random numbers with S
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
+    /// Use this many threads, without effect on the result [default: all processors]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Intersect rays by this backend [default: embree if built with it, else bvh]
+    #[arg(long, value_parser = super::settings_args::backend())]
+    accel: Option<Backend>,
+    /// Print the result as one JSON object on stdout
+    #[arg(long)]
+    json: bool,
+    /// Show only errors
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+fn vector(text: &str) -> std::result::Result<DVec3, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) if DVec3::new(x, y, z).is_finite() => Ok(DVec3::new(x, y, z)),
+        _ => Err("give three numbers such as 0,-1,0".into()),
+    }
+}
+
+/// A value with its standard error.
+#[derive(Serialize)]
+struct WithError {
+    value: f64,
+    standard_error: f64,
+    unit: &'static str,
+}
+
+impl WithError {
+    fn new(measured: Measured, unit: &'static str) -> Self {
+        Self { value: measured.value, standard_error: measured.error, unit }
+    }
+
+    fn text(&self) -> String {
+        let digits = digits(self.value, self.standard_error);
+        format!("{:.digits$} ± {:.digits$} {}", self.value, self.standard_error, self.unit)
+    }
+}
+
+/// Beam or field angle in two planes, degrees; `null` if the intensity does not fall that far.
+#[derive(Serialize)]
+struct Angles {
+    /// Share of the maximum in the plane.
+    share: f64,
+    c0_c180: Option<f64>,
+    c90_c270: Option<f64>,
+    unit: &'static str,
+}
+
+impl Angles {
+    fn new(own: &IntensityDistribution, share: f64) -> Self {
+        let [c0_c180, c90_c270] = [0.0, 90.0].map(|c| opening_angle(own, c, share));
+        Self { share, c0_c180, c90_c270, unit: "deg" }
+    }
+
+    fn text(&self) -> String {
+        let angle = |angle: Option<f64>| {
+            angle.map_or("none".to_owned(), |angle| format!("{angle:.1} degrees"))
+        };
+        let (c0, c90) = (angle(self.c0_c180), angle(self.c90_c270));
+        format!("C0-C180 {c0}, C90-C270 {c90}")
+    }
+}
+
+#[derive(Serialize)]
+struct Distribution {
+    gamma: Vec<f64>,
+    c: Vec<f64>,
+    angle_unit: &'static str,
+    /// For each gamma the intensity in each plane.
+    intensity: Vec<Vec<f64>>,
+    standard_error: Vec<Vec<f64>>,
+    intensity_unit: &'static str,
+}
+
+#[derive(Serialize)]
+struct GoniometerReport {
+    files: Vec<String>,
+    iterations: u64,
+    light_paths: u64,
+    flux: WithError,
+    /// Flux of the sources in the model, lm.
+    source_flux: f64,
+    /// Flux that leaves over the flux of the sources.
+    light_output_ratio: WithError,
+    peak: WithError,
+    /// Direction of the peak: gamma and C.
+    peak_direction: [f64; 2],
+    beam_angle: Angles,
+    field_angle: Angles,
+    distribution: Distribution,
+}
+
+pub fn run(args: &Args) -> Result<String> {
+    let ies = args.output.clone().unwrap_or_else(|| default_output(&args.scene));
+    let mut files = vec![Output::new("--output", &ies, Some("ies"))];
+    let others = [("--eulumdat", &args.eulumdat, "ldt"), ("--plot", &args.plot, "svg")];
+    for (what, path, extension) in others {
+        files.extend(path.as_ref().map(|path| Output::new(what, path, Some(extension))));
+    }
+    outputs::check(&files)?;
+    // Written so that NaN fails.
+    if !args.lamp_lumen.is_none_or(|lumen| lumen > 0.0 && lumen.is_finite()) {
+        return Err(Error::new("the flux of the lamps is not above 0", "give lumens above 0"));
+    }
+    let axes = luminaire_frame(args.down, args.c0, 0.0)?;
+    let grid = GoniometerGrid::new(args.gamma_step, args.c_step, axes)?;
+    let threads = job::thread_pool(args.threads.unwrap_or(0).into())?;
+    let options =
+        LoadOptions { strict: args.strict, no_fallback_light: true, ..LoadOptions::default() };
+    let loaded = threads.install(|| load_with(&args.scene, &options))?;
+    if !args.quiet {
+        say(&format!("read {}", loaded.summary));
+        print_notes(&loaded.warnings);
+    }
+    outputs::spare_inputs(&files)?;
+    let scene = &loaded.scene;
+    let accel = threads.install(|| backend::build(args.accel.unwrap_or_default(), scene))?;
+    let mut measurement = Goniometer::new(scene, grid, args.seed, args.light_paths)
+        .map_err(|error| error.at(&args.scene))?;
+    let interrupted = catch_interrupts(Progress::new(ProgressFormat::Nothing))?;
+    let start = Instant::now();
+    let time = args.time.unwrap_or(DEFAULT_TIME);
+    loop {
+        threads.install(|| measurement.iterate(scene, &*accel));
+        let done = measurement.iterations();
+        let is_last = match args.iterations {
+            Some(iterations) => done >= iterations,
+            None => done >= MIN_ITERATIONS && start.elapsed() >= time,
+        };
+        if is_last {
+            break;
+        }
+        if interrupted.load(Ordering::Relaxed) {
+            let advice = "let it finish, or shorten it with --time";
+            return Err(Error::new("interrupted: nothing was written", advice));
+        }
+    }
+
+    let own = measurement.distribution();
+    let about = LuminaireDescription {
+        name: scene.name.clone(),
+        origin: format!("bdpm {}, goniometer", env!("CARGO_PKG_VERSION")),
+        opening: OpeningShape::Point,
+        lamp_lumens: args.lamp_lumen,
+        watts: args.watts,
+    };
+    let mut attempts = Attempts::default();
+    let write =
+        |path: &Path, text: String| write_atomically(path, |to| to.write_all(text.as_bytes()));
+    attempts.add(&ies, || write(&ies, write_lm63(&own, &about)));
+    if let Some(path) = &args.eulumdat {
+        attempts.add(path, || write(path, write_eulumdat(&own, &about)?));
+    }
+    if let Some(path) = &args.plot {
+        attempts.add(path, || write(path, polar_plot(&own, &scene.name)));
+    }
+    attempts.finish()?;
+    let files = files.iter().map(|file| file.path.display().to_string()).collect();
+    let source = f64::from(luminance(scene.lights().power())) * f64::from(LUMENS_PER_WATT);
+    let report = report(&measurement, &own, source, files, args.light_paths);
+    Ok(match (args.json, args.quiet) {
+        (true, _) => json(&report),
+        (false, true) => String::new(),
+        (false, false) => report.text(),
+    })
+}
+
+/// The IES file beside the scene.
+fn default_output(scene: &Path) -> PathBuf {
+    if scene.is_dir() {
+        let name = scene.file_name().map_or("scene".into(), |name| name.to_string_lossy());
+        return PathBuf::from(format!("{name}.ies"));
+    }
+    PathBuf::from(scene.with_extension("ies").file_name().unwrap_or_default())
+}
+
+fn report(
+    measurement: &Goniometer,
+    own: &IntensityDistribution,
+    source_flux: f64,
+    files: Vec<String>,
+    light_paths: u32,
+) -> GoniometerReport {
+    let (gamma, c) = (measurement.gammas(), measurement.planes());
+    let nodes = measurement.intensities();
+    let table = |value: fn(&Measured) -> f64| {
+        nodes.chunks(c.len()).map(|row| row.iter().map(value).collect()).collect()
+    };
+    let (index, peak) = nodes
+        .iter()
+        .enumerate()
+        .max_by(|(_, a), (_, b)| a.value.total_cmp(&b.value))
+        .map(|(index, peak)| (index, *peak))
+        .expect("at least three nodes");
+    let flux = measurement.flux();
+    let ratio = Measured { value: flux.value / source_flux, error: flux.error / source_flux };
+    GoniometerReport {
+        files,
+        iterations: measurement.iterations(),
+        light_paths: measurement.iterations() * u64::from(light_paths),
+        flux: WithError::new(flux, "lm"),
+        source_flux,
+        light_output_ratio: WithError::new(ratio, "1"),
+        peak: WithError::new(peak, "cd"),
+        peak_direction: [gamma[index / c.len()], c[index % c.len()]],
+        beam_angle: Angles::new(own, 0.5),
+        field_angle: Angles::new(own, 0.1),
+        distribution: Distribution {
+            intensity: table(|node| node.value),
+            standard_error: table(|node| node.error),
+            gamma,
+            c,
+            angle_unit: "deg",
+            intensity_unit: "cd",
+        },
+    }
+}
+
+impl GoniometerReport {
+    fn text(&self) -> String {
+        let ratio = &self.light_output_ratio;
+        let places = digits(ratio.value, ratio.standard_error);
+        let [gamma, c] = self.peak_direction;
+        format!(
+            "flux                {}\nlight output ratio  {:.places$} ± {:.places$} of {:.1} lm\n\
+             greatest intensity  {} at gamma {gamma}, C {c} degrees\nbeam angle (50 %)   {}\n\
+             field angle (10 %)  {}\n{}: {} iterations, {} light paths\n",
+            self.flux.text(),
+            ratio.value,
+            ratio.standard_error,
+            self.source_flux,
+            self.peak.text(),
+            self.beam_angle.text(),
+            self.field_angle.text(),
+            self.files.join(", "),
+            self.iterations,
+            self.light_paths
+        )
+    }
+}
