@@ -4,7 +4,7 @@
 Section `luminaires`: intensities of IES files. `ies2rad` converts each file, `rtrace` evaluates its light source from
 10,000 directions, and the example `luminaire_intensity` of this project evaluates the file itself. Radiance
 interpolates bilinearly in the same angles, so that both agree to the rounding of its text files. Files of the types A
-and B are left out: ies2rad does not read type A, and `source.cal` has other angles for type B.
+and B are left out, and directions outside of the angles of a file, where Radiance extrapolates: ies2rad does not read type A, and `source.cal` has other angles for type B.
 
 Section `glare`: DGP, UGR and vertical illuminance of synthetic fisheye images by `bdpm glare` and by `evalglare`. The
 program is target/debug/bdpm, or the one that the environment variable BDPM names.
@@ -18,6 +18,7 @@ program is target/debug/bdpm, or the one that the environment variable BDPM name
 import argparse
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -63,8 +64,9 @@ def by_radiance(path, folder, vectors):
     program = FOLDER / "bin"
     run([program / "ies2rad", "-t", "default", "-o", "lamp", path], cwd=folder)
     # The distribution alone, on a sphere of the radius 1: its radiance there is that of `corr`.
-    text = (folder / "lamp.rad").read_text()
-    modifier = next(line for line in text.splitlines() if " brightdata " in line)
+    text = (folder / "lamp.rad").read_text(encoding="latin-1")
+    text = "\n".join(line for line in text.splitlines() if not line.startswith("#"))
+    modifier = next(line for line in text.splitlines() if " brightdata 'lamp_dist'" in line)
     words = text[text.index(modifier) :].split()
     # modifier, "brightdata", name, count, function, data file, source.cal, coordinates..., 0, count, arguments
     count = int(words[3])
@@ -91,17 +93,32 @@ def by_radiance(path, folder, vectors):
     rays = "\n".join(" ".join(f"{x:.9g}" for x in (*(3 * v), *(-v))) for v in vectors)
     out = run([program / "rtrace", "-h", "-ab", "0", "-ov", "judge.oct"], text=rays + "\n", cwd=folder)
     values = np.array([float(line.split()[1]) for line in out.splitlines() if line.strip()])
-    return RADIANCE_EFFICACY * values
+    # Outside of the angles of the file, Radiance extrapolates, also to negative values.
+    first, last = vertical_range(folder / "lamp.dat")
+    gamma = np.degrees(np.arccos(np.clip(-vectors[:, 2], -1, 1)))
+    inside = (gamma >= first) & (gamma <= last)
+    return np.where(inside, RADIANCE_EFFICACY * values, np.nan)
 
 
 def photometric_type(path):
     """The photometric type of an IES file: 1 (C), 2 (B) or 3 (A)."""
-    text = path.read_text(errors="replace")
-    at = text.upper().index("TILT=")
-    words = text[at:].replace(",", " ").split()[1:]
-    if text[at:].upper().startswith("TILT=INCLUDE"):
+    text = path.read_text(encoding="latin-1")
+    at = re.search(r"^\s*TILT\s*=", text, re.MULTILINE | re.IGNORECASE).end() - 5
+    words = text[at:].split("\n", 1)[1].replace(",", " ").split()
+    if "INCLUDE" in text[at:].split("\n", 1)[0].upper():
         words = words[2 + 2 * int(words[1]) :]
     return int(float(words[5]))
+
+
+def vertical_range(path):
+    """Smallest and largest vertical angle of the data file of ies2rad, degrees."""
+    words = iter(path.read_text().split())
+    for _ in range(int(next(words))):
+        first, last, count = float(next(words)), float(next(words)), int(next(words))
+        if first == last:
+            angles = [float(next(words)) for _ in range(count)]
+            first, last = angles[0], angles[-1]
+    return first, last
 
 
 def shape_area(text):
@@ -139,8 +156,11 @@ def luminaires(files):
                 print(f"{path.name}: left out, {problem}")
                 continue
             ours = by_bdpm(path.resolve(), vectors)
-        peak = max(theirs.max(), ours.max())
-        off = np.abs(theirs - ours).max() / peak if peak > 0 else 0.0
+        inside = ~np.isnan(theirs)
+        peak = max(theirs[inside].max(), ours.max())
+        off = np.abs(theirs - ours)[inside].max() / peak if peak > 0 else 0.0
+        # Outside of its angles the luminaire is dark.
+        off = max(off, ours[~inside].max(initial=0) / peak)
         verdict = "equal" if off < TOLERANCE else "DIFFERENT"
         failures += off >= TOLERANCE
         print(f"{path.name}: {verdict}, largest difference {off:.2e} of the peak {peak:.1f} cd")

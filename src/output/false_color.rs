@@ -16,7 +16,9 @@ const BAR: u32 = 20;
 const MISSING: [u8; 3] = [128; 3];
 /// Share of the positive values that a range covers on either side.
 const COVERED: f64 = 0.995;
-/// Largest ratio of the ends of a logarithmic range that is chosen.
+/// This share of a logarithmic scale, which shows much brighter values at little cost.
+const COVERED_BY_DECADES: f64 = 0.998;
+/// Decades of the longest logarithmic range that is chosen.
 const DECADES: f64 = 4.0;
 
 /// Numbers row by row from the top left. Cells without a number are NaN.
@@ -64,13 +66,12 @@ impl ColorScale {
         Self::Linear([0.0, at_share(&positive, COVERED).unwrap_or(1.0)])
     }
 
-    /// Over nearly all positive values, at most four decades.
+    /// Over nearly all positive values, one to four decades. Small bright lamps are shown as well.
     pub fn logarithmic(grid: ValueGrid) -> Self {
         let positive = sorted_positive(grid);
-        let high = at_share(&positive, COVERED).unwrap_or(1.0);
+        let high = at_share(&positive, COVERED_BY_DECADES).unwrap_or(1.0);
         let low = at_share(&positive, 1.0 - COVERED).unwrap_or(0.1);
-        let low = low.max(high * 10f64.powf(-DECADES));
-        Self::Logarithmic([if low < high { low } else { 0.1 * high }, high])
+        Self::Logarithmic([low.clamp(high * 10f64.powf(-DECADES), 0.1 * high), high])
     }
 
     /// Both ends.

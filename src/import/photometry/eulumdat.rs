@@ -90,6 +90,8 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<LuminaireFile> {
         return Err(Error::new(problem, "give a file in the format EULUMDAT").at(path));
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    // Lines may be blank, but not the last one.
+    let bytes = bytes.trim_ascii_end();
     let line = |line| decoded(line);
     let lines: Vec<_> = bytes.split(|byte| *byte == b'\n').map(line).collect();
     let mut fields = Fields { path, lines, read: 0 };

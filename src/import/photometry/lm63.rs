@@ -112,8 +112,9 @@ impl<'a> Words<'a> {
     }
 }
 
-/// Splits a file into lines.
+/// Splits a file into lines, without blank ones at its end.
 fn lines(bytes: &[u8]) -> Vec<Cow<'_, str>> {
+    let bytes = bytes.trim_ascii_end();
     let ends = |byte: &u8| *byte == b'\n';
     bytes.split(ends).map(|line| decoded(line.strip_suffix(b"\r").unwrap_or(line))).collect()
 }
