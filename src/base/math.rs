@@ -67,6 +67,15 @@ impl Frame {
         Self { tangent, bitangent, normal }
     }
 
+    /// The frame of a unit normal with x along `tangent`, of any length; that of [`Self::new`] if the tangent is along
+    /// the normal.
+    pub fn with_tangent(normal: Vec3, tangent: Vec3) -> Self {
+        match tangent.reject_from_normalized(normal).try_normalize() {
+            None => Self::new(normal),
+            Some(tangent) => Self { tangent, bitangent: normal.cross(tangent), normal },
+        }
+    }
+
     /// Local coordinates of a direction.
     #[inline]
     pub fn to_local(&self, w: Vec3) -> Vec3 {

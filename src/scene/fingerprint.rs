@@ -6,7 +6,7 @@ use super::{
     Material, Mesh, Meter, MeterKind, Meters, NormalMap, Optics, Placement, Scene,
 };
 use crate::base::math::Rgb;
-use crate::scene::bsdf::{Bsdf, FacetModel, Facets, Reflectance};
+use crate::scene::bsdf::{Bsdf, FacetModel, Facets, PrincipledParameters, Reflectance};
 use glam::Vec3;
 use xxhash_rust::xxh3::Xxh3Default;
 
@@ -197,6 +197,38 @@ impl Hash {
                 self.record(11, &[plastic.albedo(), plastic.tint()], &[plastic.eta(), alpha]);
                 self.u32(model as u32);
                 self.u32(plastic.is_nonlinear().into());
+            }
+            Bsdf::Principled(principled) => {
+                let PrincipledParameters {
+                    base_color,
+                    roughness,
+                    anisotropic,
+                    metallic,
+                    spec_trans,
+                    eta,
+                    spec_tint,
+                    sheen,
+                    sheen_tint,
+                    flatness,
+                    clearcoat,
+                    clearcoat_gloss,
+                    two_sided,
+                } = *principled.parameters();
+                let numbers = [
+                    roughness,
+                    anisotropic,
+                    metallic,
+                    spec_trans,
+                    eta,
+                    spec_tint,
+                    sheen,
+                    sheen_tint,
+                    flatness,
+                    clearcoat,
+                    clearcoat_gloss,
+                ];
+                self.record(12, &[base_color], &numbers);
+                self.u32(two_sided.into());
             }
         }
     }

@@ -166,6 +166,7 @@ impl Scene {
             material,
             bsdf: material.bsdf,
             uv: None,
+            tangent: None,
         };
         let Some(Corners { normals, uvs }) = corners else {
             return flat;
@@ -177,13 +178,16 @@ impl Scene {
             return Surface { interpolated: interpolated.map(|n| flat.to_side(n)), ..flat };
         }
         let uv = interpolate(*uvs, at);
+        let is_anisotropic = material.bsdf.is_anisotropic();
+        let has_tangent = is_anisotropic || material.normal_map.is_some();
+        let tangent = has_tangent.then(|| self.tangent(hit, triangle, *uvs)).flatten();
         let bent = material.normal_map.as_ref().and_then(|map| {
-            let tangent = self.tangent(hit, triangle, *uvs)?;
-            map.bend(uv, triangle.normal, interpolated.unwrap_or(triangle.normal), tangent)
+            map.bend(uv, triangle.normal, interpolated.unwrap_or(triangle.normal), tangent?)
         });
         let interpolated = bent.or(interpolated).map(|normal| flat.to_side(normal));
         let bsdf = material.bsdf_at(uv, color).unwrap_or(material.bsdf);
-        Surface { interpolated, bsdf, uv: Some(uv), ..flat }
+        let tangent = tangent.filter(|_| is_anisotropic).map(|tangent| tangent.along_u);
+        Surface { interpolated, bsdf, uv: Some(uv), tangent, ..flat }
     }
 
     /// Direction of growing texture coordinates at a hit: that of the mesh if it has tangents, else that of `uvs`.

@@ -15,9 +15,9 @@ pub struct Material {
     pub name: String,
     /// The scattering function.
     pub bsdf: Bsdf,
-    /// Factor of the albedo of a diffuse, coated or glossy surface.
+    /// Factor of the albedo of a surface with a diffuse base.
     pub albedo_texture: Option<Arc<Texture>>,
-    /// Factors of a glossy surface's roughness (green) and metallic share (blue).
+    /// Factors of a glossy or principled surface's roughness (green) and metallic share (blue).
     pub metallic_roughness_texture: Option<Arc<Texture>>,
     /// Alpha mask: rays meet the surface only where the opacity is at least a half.
     pub opacity_texture: Option<Arc<Texture>>,
@@ -55,11 +55,13 @@ impl Material {
         }
     }
 
-    /// Returns true if scattering, normals or emission vary over the surface.
+    /// Returns true if scattering, normals or emission vary over the surface, or depend on the direction of its texture
+    /// coordinates.
     pub fn varies(&self) -> bool {
         let Self { albedo_texture, metallic_roughness_texture, emission_texture, .. } = self;
         let textures = [albedo_texture, metallic_roughness_texture, emission_texture];
-        textures.into_iter().any(Option::is_some) || self.normal_map.is_some()
+        let is_textured = textures.into_iter().any(Option::is_some) || self.normal_map.is_some();
+        is_textured || self.bsdf.is_anisotropic()
     }
 
     /// Returns true if the material has any texture.
@@ -118,6 +120,10 @@ impl Material {
             Bsdf::Glossy(glossy) => {
                 let data = data.as_ref().map_or(Vec3::ONE, |texture| texture.data(uv));
                 Some(Bsdf::Glossy(glossy.scaled(color, data.z, data.y)))
+            }
+            Bsdf::Principled(principled) => {
+                let data = data.as_ref().map_or(Vec3::ONE, |texture| texture.data(uv));
+                Some(Bsdf::Principled(principled.scaled(color, data.z, data.y)))
             }
             Bsdf::Plastic(plastic) => {
                 Some(Bsdf::Plastic(plastic.with_albedo(plastic.albedo() * color)))

@@ -87,7 +87,7 @@ impl Surface<'_> {
         // Evaluate it as seen by a camera there: scattering from the light, which is at `wo`, toward `wi`.
         let seen = Surface { wo: wi, ..*self };
         let normal = seen.shading_normal(normal, Transport::Radiance);
-        let at = Vertex { normal, wo: wi, front: self.front };
+        let at = Vertex { normal, wo: wi, front: self.front, tangent: self.tangent };
         let areas = normal.dot(self.wo) / self.normal.dot(self.wo);
         // theory.md (36)
         let weight = self.bsdf.eval_lobe(Lobe::Diffuse, &at, self.wo) * (PI * areas.max(0.0));

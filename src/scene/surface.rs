@@ -31,6 +31,8 @@ pub struct Surface<'a> {
     pub bsdf: Bsdf,
     /// Texture coordinates, if the material varies.
     pub uv: Option<Vec2>,
+    /// Direction of growing `u`, of any length, if the BSDF depends on it.
+    pub tangent: Option<Vec3>,
 }
 
 impl Surface<'_> {
@@ -69,7 +71,7 @@ impl Surface<'_> {
             None => self.normal,
             Some(normal) => self.shading_normal(normal, transport),
         };
-        Vertex { normal, wo: self.wo, front: self.front }
+        Vertex { normal, wo: self.wo, front: self.front, tangent: self.tangent }
     }
 
     /// Radiance emitted back along the ray, W/(m^2 sr). Only luminous openings without a thickness emit from the back.

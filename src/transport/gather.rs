@@ -238,7 +238,7 @@ impl GatherView {
         let normal = self.interpolated.map_or(normal, |interpolated| {
             shading_normal(&self.bsdf, interpolated, normal, wi, Transport::Flux)
         });
-        let at = Vertex { normal, wo: wi, front: self.at.front };
+        let at = Vertex { normal, wo: wi, ..self.at };
         Survival::LIGHT.density(&self.bsdf, &at, self.at.wo)
     }
 }

@@ -1,7 +1,7 @@
 //! Mitsuba's scenes: conversion of elements, and errors with their position.
 
 use bdpm::import::{LoadOptions, Loaded, WarningKind, export, load, load_with};
-use bdpm::scene::bsdf::{Bsdf, FacetModel};
+use bdpm::scene::bsdf::{Bsdf, FacetModel, Principled, PrincipledParameters};
 use bdpm::scene::{Emitter, Extent, FieldOfView, Optics};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
@@ -303,7 +303,18 @@ fn mitsuba_materials_are_converted() {
         ),
         Bsdf::Lambertian { albedo: Vec3::new(0.6, 0.1, 0.0), two_sided: false }
     );
-    assert!(matches!(look("<bsdf type='principled'/>"), Bsdf::Glossy(_)));
+    let default = PrincipledParameters { two_sided: false, ..PrincipledParameters::default() };
+    assert_eq!(look("<bsdf type='principled'/>"), Bsdf::Principled(Principled::new(default)));
+    let Bsdf::Principled(surface) = look(
+        "<bsdf type='twosided'><bsdf type='principled'><float name='specular' value='0.8'/>\
+         <float name='sheen' value='0.3'/><float name='clearcoat_gloss' value='0.7'/></bsdf></bsdf>",
+    ) else {
+        panic!()
+    };
+    let parameters = surface.parameters();
+    assert_eq!((parameters.sheen, parameters.clearcoat_gloss), (0.3, 0.7));
+    assert!(parameters.two_sided);
+    assert!((parameters.eta - 1.677_2).abs() < 1e-4, "as mitsuba 3.9.1 says: {}", parameters.eta);
 }
 
 #[test]
@@ -343,7 +354,11 @@ fn mitsuba_lights_are_converted() {
 fn approximations_and_omissions_are_warnings() {
     for (inside, kind, warning) in [
         ("<bsdf type='roughplastic'/>", WarningKind::Skipped, "shows both sides"),
-        ("<bsdf type='principled'/>", WarningKind::Skipped, "nearest to principled"),
+        (
+            "<bsdf type='principledthin'><float name='diff_trans' value='1'/></bsdf>",
+            WarningKind::Skipped,
+            "only the reflection of diffuse light",
+        ),
         ("<bsdf type='plastic'/>", WarningKind::Skipped, "shows both sides"),
         ("<bsdf type='velvet'/>", WarningKind::Skipped, "`velvet`"),
         (

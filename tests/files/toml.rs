@@ -4,8 +4,8 @@ use bdpm::accel::Ray;
 use bdpm::import::load;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::scene::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Plastic, Reflectance,
-    RoughDielectric, ThinDielectric,
+    Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Plastic, Principled,
+    PrincipledParameters, Reflectance, RoughDielectric, ThinDielectric,
 };
 use bdpm::scene::{Emitter, FieldOfView, Optics, Scene};
 use bdpm::settings::{Direct, Length, PartialSettings, Settings};
@@ -373,6 +373,20 @@ fn every_type_of_material_is_parsed() {
                 )
                 .tinted(Vec3::splat(0.5)),
             ),
+        ),
+        (
+            "type = 'principled'\nalbedo = 0.3\nroughness = 0.25\nclearcoat = 0.5\nior = 1.4\n\
+             transmission = 0.1\nsheen = 0.2\ntwo_sided = false",
+            Bsdf::Principled(Principled::new(PrincipledParameters {
+                base_color: Vec3::splat(0.3),
+                roughness: 0.25,
+                clearcoat: 0.5,
+                eta: 1.4,
+                spec_trans: 0.1,
+                sheen: 0.2,
+                two_sided: false,
+                ..PrincipledParameters::default()
+            })),
         ),
         ("type = 'glossy'", Bsdf::Glossy(Glossy::new(Vec3::splat(0.5), 0.0, 1.5, 0.0))),
     ] {

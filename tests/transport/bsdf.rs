@@ -4,13 +4,17 @@ use bdpm::base::math::{luminance, uniform_sphere};
 use bdpm::base::rng::{Rng, Stream, StreamKey};
 use bdpm::scene::bsdf::{
     Bsdf, BsdfSample, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Lobe, LobeSet,
-    Plastic, Reflectance, RoughDielectric, ThinDielectric, Transport, Vertex,
+    Plastic, Principled, PrincipledParameters, Reflectance, RoughDielectric, ThinDielectric,
+    Transport, Vertex,
 };
 use glam::Vec3;
 use std::f64::consts::{PI, TAU};
 
 /// An oblique normal: no test may rest on an axis.
 const NORMAL: Vec3 = Vec3::new(0.48, -0.6, 0.64);
+
+/// A direction off the surface, which only its part along the surface counts of.
+const TANGENT: Vec3 = Vec3::new(1.0, 0.4, 0.5);
 
 fn rng(seed: u64) -> Rng {
     StreamKey::new(seed, Stream::Test, 0).rng(0)
@@ -57,10 +61,35 @@ fn plastic(albedo: f32, model: FacetModel, alpha: f32, is_nonlinear: bool) -> Bs
     Bsdf::Plastic(Plastic::new(Vec3::splat(albedo), 1.5, facets, is_nonlinear).tinted(TINT))
 }
 
+/// Principled surfaces of all lobes; the first two merge by their facets.
+fn principled() -> Vec<Bsdf> {
+    let base_color = Vec3::new(0.2, 0.5, 0.9);
+    let some = PrincipledParameters { base_color, ..PrincipledParameters::default() };
+    [
+        PrincipledParameters { roughness: 0.7, ..some },
+        PrincipledParameters { roughness: 0.8, anisotropic: 0.6, metallic: 1.0, ..some },
+        PrincipledParameters { roughness: 0.4, spec_tint: 0.7, flatness: 0.6, ..some },
+        PrincipledParameters { sheen: 1.0, sheen_tint: 0.5, metallic: 0.3, ..some },
+        PrincipledParameters { roughness: 0.5, clearcoat: 1.0, two_sided: false, ..some },
+        PrincipledParameters { roughness: 0.5, anisotropic: 0.5, spec_trans: 0.6, ..some },
+        PrincipledParameters {
+            roughness: 0.6,
+            metallic: 0.2,
+            spec_trans: 1.0,
+            clearcoat: 0.5,
+            sheen: 0.3,
+            ..some
+        },
+        PrincipledParameters { eta: 1.0 / 1.5, roughness: 0.5, spec_tint: 0.5, ..some },
+    ]
+    .map(|parameters| Bsdf::Principled(Principled::new(parameters)))
+    .to_vec()
+}
+
 /// All that have lobes of finite density.
 fn spread() -> Vec<Bsdf> {
     let albedo = Vec3::new(0.2, 0.5, 1.0);
-    vec![
+    let mut all = vec![
         Bsdf::diffuse(albedo),
         Bsdf::Lambertian { albedo, two_sided: false },
         white_metal(0.2),
@@ -90,7 +119,9 @@ fn spread() -> Vec<Bsdf> {
         plastic(0.6, FacetModel::Ggx, 0.15, true),
         plastic(0.6, FacetModel::Beckmann, 0.2, false),
         plastic(1.0, FacetModel::Beckmann, 0.5, true),
-    ]
+    ];
+    all.extend(principled());
+    all
 }
 
 /// Seen at the angle of cosine `cos`, from the front or the back.
@@ -98,7 +129,7 @@ fn seen(cos: f32, front: bool) -> Vertex {
     let (tangent, bitangent) = NORMAL.any_orthonormal_pair();
     let sin = (1.0 - cos * cos).sqrt();
     let wo = cos * NORMAL + sin * (0.8 * tangent - 0.6 * bitangent);
-    Vertex { normal: NORMAL, wo, front }
+    Vertex { normal: NORMAL, wo, front, tangent: Some(TANGENT) }
 }
 
 /// Views that differ in everything that matters.
@@ -115,7 +146,8 @@ fn bsdf_values_are_reciprocal() {
             let [wo, wi] = [0; 2].map(|_| uniform_sphere(rng.next_2d()));
             let vertex = |wo: Vec3| {
                 let front = wo.dot(NORMAL) > 0.0;
-                Vertex { normal: if front { NORMAL } else { -NORMAL }, wo, front }
+                let normal = if front { NORMAL } else { -NORMAL };
+                Vertex { normal, wo, front, tangent: Some(TANGENT) }
             };
             // f(wo, wi) / n_o^2 is symmetric: n = 1 in front, 1.5 behind where light gets there.
             let index = |w: Vec3| if w.dot(NORMAL) > 0.0 { 1.0 } else { 1.5 };
@@ -246,8 +278,7 @@ fn the_weight_of_a_sample_is_value_times_cosine_over_density() {
                 assert!(off < 1e-2 || cos < 1e-2, "{bsdf:?} {at:?}: {weight}, not {expected}");
                 compared += 1;
             }
-            let black =
-                bsdf.eval(&at, NORMAL) == Vec3::ZERO && !matches!(bsdf, Bsdf::RoughDielectric(_));
+            let black = bsdf.eval(&at, NORMAL) == Vec3::ZERO && !bsdf.transmits();
             assert!(compared > 100 || black, "{bsdf:?} {at:?}: {compared}");
         }
     }
@@ -292,7 +323,7 @@ fn directions_come_as_often_as_their_density_says() {
     let mut rng = rng(5);
     for bsdf in spread() {
         for at in [seen(0.8, true), seen(0.4, false)] {
-            if bsdf.eval(&at, NORMAL) == Vec3::ZERO && !matches!(bsdf, Bsdf::RoughDielectric(_)) {
+            if bsdf.eval(&at, NORMAL) == Vec3::ZERO && !bsdf.transmits() {
                 continue; // the black back
             }
             let n = 100_000;

@@ -6,7 +6,7 @@ use super::textures::TextureFiles;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::scene::Material;
-use crate::scene::bsdf::{Bsdf, FacetModel, Glossy, Reflectance};
+use crate::scene::bsdf::{Bsdf, FacetModel, Glossy, PrincipledParameters, Reflectance};
 use std::fmt::Write;
 
 /// All materials, with unique names.
@@ -100,6 +100,7 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
             }
             text
         }
+        Bsdf::Principled(surface) => principled(surface.parameters())?,
         Bsdf::Glossy(glossy) => {
             let (albedo, metallic) = (color(glossy.albedo()), number(glossy.metallic()));
             let ior = glossy_ior(&glossy).ok_or("its refractive index is lost")?;
@@ -122,6 +123,33 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
     Ok(text)
 }
 
+/// The keys of a principled surface, without those that have their defaults.
+fn principled(parameters: &PrincipledParameters) -> std::result::Result<String, String> {
+    let PrincipledParameters { base_color, roughness, eta, .. } = *parameters;
+    let mut text = format!("type = \"principled\"\nalbedo = {}\n", color(base_color));
+    text += &indices(eta)?;
+    let _ = writeln!(text, "roughness = {}", number(roughness));
+    for (key, value) in [
+        ("anisotropic", parameters.anisotropic),
+        ("metallic", parameters.metallic),
+        ("transmission", parameters.spec_trans),
+        ("specular_tint", parameters.spec_tint),
+        ("sheen", parameters.sheen),
+        ("sheen_tint", parameters.sheen_tint),
+        ("flatness", parameters.flatness),
+        ("clearcoat", parameters.clearcoat),
+        ("clearcoat_gloss", parameters.clearcoat_gloss),
+    ] {
+        if value != 0.0 {
+            let _ = writeln!(text, "{key} = {}", number(value));
+        }
+    }
+    if !parameters.two_sided {
+        text += "two_sided = false\n";
+    }
+    Ok(text)
+}
+
 /// The key of facets that scatter once.
 fn facets(model: FacetModel) -> &'static str {
     match model {
@@ -138,7 +166,7 @@ fn transmittance(share: Rgb) -> String {
 
 /// The textures that have an effect.
 fn textures<'a>(material: &'a Material, name: &str, textures: &mut TextureFiles<'a>) -> String {
-    let glossy = matches!(material.bsdf, Bsdf::Glossy(_));
+    let glossy = matches!(material.bsdf, Bsdf::Glossy(_) | Bsdf::Principled(_));
     let is_based =
         matches!(material.bsdf, Bsdf::Lambertian { .. } | Bsdf::Coated(_) | Bsdf::Plastic(_));
     let tinted = glossy || is_based;

@@ -13,7 +13,8 @@ use crate::import::text::list;
 use crate::import::texture_file::linear_color;
 use crate::scene::Texture;
 use crate::scene::bsdf::{
-    Bsdf, Conductor, FacetModel, Facets, Glossy, Plastic, Reflectance, SMOOTH_ALPHA, ThinDielectric,
+    Bsdf, Conductor, FacetModel, Facets, Plastic, Principled, PrincipledParameters, Reflectance,
+    SMOOTH_ALPHA, ThinDielectric,
 };
 use glam::Affine2;
 use std::collections::HashMap;
@@ -25,6 +26,8 @@ pub(super) struct Look {
     pub bsdf: Bsdf,
     /// Texture that multiplies the albedo.
     pub albedo: Option<Arc<Texture>>,
+    /// Texture that multiplies roughness and metallic share.
+    pub metallic_roughness: Option<Arc<Texture>>,
     /// Map of texture coordinates, for all paints.
     pub to_uv: Affine2,
     /// Share of the rays that meet the surface, and a texture that multiplies it.
@@ -45,8 +48,15 @@ pub(super) enum NormalSource {
 
 impl Look {
     fn plain(bsdf: Bsdf) -> Self {
-        let (albedo, opacity, normals, to_uv) = (None, None, None, Affine2::IDENTITY);
-        Self { bsdf, albedo, to_uv, opacity, normals, is_black_behind: false }
+        Self {
+            bsdf,
+            albedo: None,
+            metallic_roughness: None,
+            to_uv: Affine2::IDENTITY,
+            opacity: None,
+            normals: None,
+            is_black_behind: false,
+        }
     }
 
     /// The look of a surface without any BSDF: lamps are black.
@@ -96,8 +106,8 @@ impl BsdfCache {
                 Ok(Look::plain(Bsdf::ThinDielectric(ThinDielectric { eta, transmittance })))
             }
             "plastic" | "roughplastic" => plastic(object, paints),
-            "principled" => principled(object, paints, false),
-            "principledthin" => principled(object, paints, true),
+            "principled" => principled(object, paints),
+            "principledthin" => principled_thin(object, paints),
             "phong" | "ward" => {
                 paints.skipped("used only the diffuse part of", object);
                 let paint = paints.share(object, "diffuse_reflectance", Rgb::splat(0.5))?;
@@ -110,8 +120,14 @@ impl BsdfCache {
                     paints.skipped("used the front's BSDF for both sides of", object);
                 }
                 let mut look = first(object, nested)?;
-                if let Bsdf::Lambertian { two_sided, .. } = &mut look.bsdf {
-                    *two_sided = true;
+                match &mut look.bsdf {
+                    Bsdf::Lambertian { two_sided, .. } => *two_sided = true,
+                    Bsdf::Principled(principled) => {
+                        let two_sided =
+                            PrincipledParameters { two_sided: true, ..*principled.parameters() };
+                        *principled = Principled::new(two_sided);
+                    }
+                    _ => {}
                 }
                 Ok(Look { is_black_behind: false, ..look })
             }
@@ -345,45 +361,115 @@ fn plastic(object: &Object, paints: &mut Paints) -> Result<Look> {
     Ok(Look { is_black_behind: true, ..Look::painted(bsdf, paint) })
 }
 
-/// Disney's model, reduced to base, metal and glass.
-fn principled(object: &Object, paints: &mut Paints, is_thin: bool) -> Result<Look> {
+/// Disney's principled BSDF.
+fn principled(object: &Object, paints: &mut Paints) -> Result<Look> {
     let paint = paints.share(object, "base_color", Rgb::splat(0.5))?;
-    let mut share = |name: &str, default: f32| {
-        Ok::<_, Error>(paints.mean_share(object, name, Rgb::splat(default))?.x)
+    let data = ShareTexture::read(object, paints)?;
+    let mut share =
+        |name: &str| Ok::<_, Error>(paints.mean_share(object, name, Rgb::ZERO)?.x.clamp(0.0, 1.0));
+    let parameters = PrincipledParameters {
+        base_color: paint.color,
+        roughness: data.roughness,
+        metallic: data.metallic,
+        anisotropic: share("anisotropic")?,
+        spec_trans: share("spec_trans")?,
+        spec_tint: share("spec_tint")?,
+        sheen: share("sheen")?,
+        sheen_tint: share("sheen_tint")?,
+        flatness: share("flatness")?,
+        clearcoat: share("clearcoat")?,
+        clearcoat_gloss: share("clearcoat_gloss")?,
+        eta: 1.0,
+        two_sided: false,
     };
-    let roughness = share("roughness", 0.5)?;
-    let (metallic, crossing) = (share("metallic", 0.0)?, share("spec_trans", 0.0)?);
-    let mut left_out = Vec::new();
-    for name in ["anisotropic", "sheen", "clearcoat", "flatness", "spec_tint", "diff_trans"] {
-        if share(name, 0.0)? != 0.0 {
-            left_out.push(name);
-        }
+    let eta = principled_index(object, paints, parameters.spec_trans > 0.0)?;
+    let parameters = PrincipledParameters { eta, ..parameters };
+    for lobe in ["main_specular", "clearcoat", "diffuse_reflectance"] {
+        let _ = object.float(&format!("{lobe}_sampling_rate"))?;
     }
-    let eta = match (object.get("eta")?, object.float("specular")?) {
-        (Some(_), _) => index(object, paints, "eta", 1.5)?,
-        // From the reflectance at normal incidence, which is 0.08 times `specular`.
-        (None, specular) => {
-            let root = (0.08 * specular.unwrap_or(0.5).clamp(0.0, 1.0) as f32).sqrt();
-            (1.0 + root) / (1.0 - root)
+    let look = Look::painted(Bsdf::Principled(Principled::new(parameters)), paint);
+    let Some(texture) = data.texture else { return Ok(look) };
+    warn_of_two_maps(paints, &look, data.to_uv, object);
+    let to_uv = if look.albedo.is_some() { look.to_uv } else { data.to_uv };
+    Ok(Look { metallic_roughness: Some(texture), to_uv, ..look })
+}
+
+/// Refractive index of a principled surface, by itself or by `specular`, which is the reflectance at normal incidence
+/// over .08. Glass has an index other than 1.
+fn principled_index(object: &Object, paints: &mut Paints, is_glass: bool) -> Result<f32> {
+    if object.get("eta")?.is_some() {
+        let eta = index(object, paints, "eta", 1.5)?;
+        return Ok(if is_glass && eta == 1.0 { 1.001 } else { eta });
+    }
+    let specular = object.float("specular")?.unwrap_or(0.5).clamp(0.0, 1.0) as f32;
+    let specular = if is_glass && specular == 0.0 { 1e-3 } else { specular };
+    Ok(2.0 / (1.0 - (0.08 * specular).sqrt()) - 1.0)
+}
+
+/// Roughness and metallic share of a principled surface, which may vary over it.
+struct ShareTexture {
+    roughness: f32,
+    metallic: f32,
+    /// The factors of both, in green and blue.
+    texture: Option<Arc<Texture>>,
+    to_uv: Affine2,
+}
+
+impl ShareTexture {
+    fn read(object: &Object, paints: &mut Paints) -> Result<Self> {
+        let roughness = paints.share(object, "roughness", Rgb::splat(0.5))?;
+        let metallic = paints.share(object, "metallic", Rgb::ZERO)?;
+        let shares = |colors: &[Rgb]| Rgb::new(0.0, luminance(colors[0]), luminance(colors[1]));
+        let (both, is_averaged) = Paint::combined(&[&roughness, &metallic], shares);
+        if is_averaged {
+            let phrase =
+                "used the mean of a texture, whose coordinates differ from those of another, of";
+            paints.skipped(phrase, object);
         }
+        let Some(texture) = &both.texture else {
+            let [_, roughness, metallic] = both.color.to_array().map(|share| share.clamp(0.0, 1.0));
+            return Ok(Self { roughness, metallic, texture: None, to_uv: both.to_uv });
+        };
+        // Numbers are stored linearly.
+        let texture = texture.map_texels(|texel| {
+            let shares = linear_color(texel) * both.color;
+            let [r, g, b] = shares.to_array().map(|x| (255.0 * x).round().clamp(0.0, 255.0) as u8);
+            [r, g, b, 255]
+        });
+        let texture = Some(Arc::new(texture));
+        Ok(Self { roughness: 1.0, metallic: 1.0, texture, to_uv: both.to_uv })
+    }
+}
+
+/// The principled BSDF of thin sheets: clear glass, or a base whose transmission of diffuse light is left out.
+fn principled_thin(object: &Object, paints: &mut Paints) -> Result<Look> {
+    let paint = paints.share(object, "base_color", Rgb::splat(0.5))?;
+    let mut number = |name: &str, default: f32, [low, high]: [f32; 2]| {
+        let read = paints.mean(object, name, ColorUse::Index, Rgb::splat(default))?;
+        Ok::<_, Error>(read.x.clamp(low, high))
     };
-    if !left_out.is_empty() {
-        paints.skipped(format!("left out {} of", list(left_out)), object);
-    }
-    paints.skipped("used the glossy or dielectric surface nearest to principled:", object);
-    let alpha = roughness * roughness;
+    let crossing = number("spec_trans", 0.0, [0.0, 1.0])?;
+    let reflected = 1.0 - 0.5 * number("diff_trans", 0.0, [0.0, 2.0])?;
+    let eta = number("eta", 1.5, [0.1, 10.0])?;
+    let share = (1.0 - crossing) * reflected;
+    let parameters = PrincipledParameters {
+        base_color: paint.color * share,
+        eta: 1.0,
+        roughness: number("roughness", 0.5, [0.0, 1.0])?,
+        sheen: share * number("sheen", 0.0, [0.0, 1.0])?,
+        sheen_tint: number("sheen_tint", 0.0, [0.0, 1.0])?,
+        flatness: number("flatness", 0.0, [0.0, 1.0])?,
+        ..PrincipledParameters::default()
+    };
     if crossing > 0.5 {
-        let tint = paint.mean();
-        if is_thin {
-            let sheet = ThinDielectric { eta, transmittance: tint };
-            return Ok(Look::plain(Bsdf::ThinDielectric(sheet)));
-        }
-        // Light crosses two surfaces of the object.
-        let facets = Facets { model: FacetModel::Ggx, alpha };
-        return Ok(Look::plain(interface(eta, facets, tint.map(f32::sqrt))));
+        paints.skipped("used a clear sheet for", object);
+        let sheet = ThinDielectric { eta, transmittance: paint.mean() };
+        return Ok(Look::plain(Bsdf::ThinDielectric(sheet)));
     }
-    let bsdf = Bsdf::Glossy(Glossy::new(paint.color, metallic, eta, alpha));
-    Ok(Look::painted(bsdf, paint))
+    if share < 1.0 {
+        paints.skipped("used only the reflection of diffuse light of", object);
+    }
+    Ok(Look::painted(Bsdf::Principled(Principled::new(parameters)), paint))
 }
 
 /// A look that only a share of the rays meets.

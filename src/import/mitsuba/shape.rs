@@ -186,6 +186,7 @@ impl SceneReader<'_> {
         let (opacity, opacity_texture) = look.opacity.clone().unzip();
         let material = Material {
             albedo_texture: look.albedo.clone(),
+            metallic_roughness_texture: look.metallic_roughness.clone(),
             opacity,
             opacity_texture: opacity_texture.flatten(),
             normal_map,

@@ -10,8 +10,8 @@ use crate::import::paint::Paint;
 use crate::import::scene_file::material::interface;
 use crate::scene::Texture;
 use crate::scene::bsdf::{
-    Bsdf, Coated, Conductor, FacetModel, Facets, Glossy, Reflectance, SMOOTH_ALPHA, ThinDielectric,
-    fresnel,
+    Bsdf, Coated, Conductor, FacetModel, Facets, Glossy, Plastic, Reflectance, SMOOTH_ALPHA,
+    ThinDielectric,
 };
 use glam::Affine2;
 use std::collections::HashMap;
@@ -205,7 +205,7 @@ fn make(source: &MaterialSource, textures: &mut Textures) -> Result<Look> {
             let paint = textures.share(params, "reflectance", 0.5, owner)?;
             warn_of_absorption(params, textures, name)?;
             let eta = spectra::index(params, "eta", 1.5, &folder)?;
-            coated(paint, eta, alpha(params, textures, "", name)?, textures, name)
+            coated(paint, eta, alpha(params, textures, "", name)?)
         }
         "conductor" => conductor(params, textures, "", owner)?,
         "coatedconductor" => {
@@ -243,7 +243,7 @@ fn make(source: &MaterialSource, textures: &mut Textures) -> Result<Look> {
             for part in ["mfp", "sigma_a", "sigma_s", "scale", "name"] {
                 let _ = params.get(part);
             }
-            coated(paint, eta, alpha(params, textures, "", name)?, textures, name)
+            coated(paint, eta, alpha(params, textures, "", name)?)
         }
         "measured" => {
             textures.warnings.skipped("used a glossy gray surface for the measured material", name);
@@ -299,18 +299,14 @@ fn alpha(params: &Params, textures: &mut Textures, prefix: &str, owner: &str) ->
 }
 
 /// A diffuse base under a dielectric coat. Light that the coat reflects back to the base is part of both models.
-fn coated(paint: Paint, eta: f32, alpha: f32, textures: &mut Textures, name: &str) -> Look {
-    if alpha < SMOOTH_ALPHA {
-        return Look::painted(Bsdf::Coated(Coated::new(paint.color, eta)), paint);
-    }
-    let phrase = "used glossy surfaces (GGX and Schlick's reflectance) for rough coats:";
-    textures.warnings.skipped(phrase, name);
-    let outside = fresnel::diffuse_mean(|cos| Rgb::splat(fresnel::dielectric(cos, eta).0)).x;
-    let inside = 1.0 - (1.0 - outside) / (eta * eta);
-    // The base of our glossy surfaces is white for a white albedo only by its scale: the coat returns no light to it.
-    let dimmed = |a: Rgb| a * (1.0 - inside) / (Rgb::ONE - a * inside);
-    let paint = paint.mapped(dimmed);
-    Look::painted(Bsdf::Glossy(Glossy::new(paint.color, 0.0, eta, alpha)), paint)
+fn coated(paint: Paint, eta: f32, alpha: f32) -> Look {
+    let bsdf = if alpha < SMOOTH_ALPHA {
+        Bsdf::Coated(Coated::new(paint.color, eta))
+    } else {
+        let facets = Facets { model: FacetModel::Correlated, alpha };
+        Bsdf::Plastic(Plastic::new(paint.color, eta, facets, true))
+    };
+    Look::painted(bsdf, paint)
 }
 
 fn conductor(

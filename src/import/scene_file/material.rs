@@ -1,7 +1,7 @@
 //! `[materials.NAME]` of a scene file.
 
 use super::numbers::{
-    Albedo, Ior, MetalIndex, Metallic, NonNegative, NormalScale, Opacity, Roughness,
+    Albedo, Ior, MetalIndex, Metallic, NonNegative, NormalScale, Opacity, Roughness, Share,
 };
 use super::texture::{FilterKind, TextureTable, TomlTextures, Wraps};
 use crate::base::error::Error;
@@ -9,8 +9,8 @@ use crate::base::math::Rgb;
 use crate::import::mtl;
 use crate::import::text::list;
 use crate::scene::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Plastic, Reflectance,
-    RoughDielectric, SMOOTH_ALPHA, ThinDielectric,
+    Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Plastic, Principled,
+    PrincipledParameters, Reflectance, RoughDielectric, SMOOTH_ALPHA, ThinDielectric,
 };
 use crate::scene::{Material, NormalMap, Sampling, Texture, Wrap};
 use serde::Deserialize;
@@ -50,6 +50,14 @@ pub(in crate::import) struct MaterialTable {
     roughness: Option<Spanned<Roughness>>,
     alpha: Option<Spanned<Roughness>>,
     metallic: Option<Spanned<Metallic>>,
+    anisotropic: Option<Spanned<Share>>,
+    transmission: Option<Spanned<Share>>,
+    specular_tint: Option<Spanned<Share>>,
+    sheen: Option<Spanned<Share>>,
+    sheen_tint: Option<Spanned<Share>>,
+    flatness: Option<Spanned<Share>>,
+    clearcoat: Option<Spanned<Share>>,
+    clearcoat_gloss: Option<Spanned<Share>>,
     emission: Option<NonNegative>,
     #[serde(default)]
     hidden: bool,
@@ -76,6 +84,7 @@ enum MaterialKind {
     Coated,
     Glossy,
     Plastic,
+    Principled,
 }
 
 impl MaterialKind {
@@ -108,6 +117,27 @@ impl MaterialKind {
                     "nonlinear",
                 ];
                 ("plastic", keys)
+            }
+            Self::Principled => {
+                let keys = &[
+                    "albedo",
+                    "albedo_texture",
+                    "ior",
+                    "outside_ior",
+                    "metallic",
+                    "metallic_roughness_texture",
+                    "roughness",
+                    "anisotropic",
+                    "transmission",
+                    "specular_tint",
+                    "sheen",
+                    "sheen_tint",
+                    "flatness",
+                    "clearcoat",
+                    "clearcoat_gloss",
+                    "two_sided",
+                ];
+                ("principled", keys)
             }
             Self::Glossy => {
                 let keys = &[
@@ -150,10 +180,7 @@ impl MaterialTable {
         let eta = ior(&self.ior, DEFAULT_IOR) / ior(&self.outside_ior, 1.0);
         let transmittance = rgb(&self.transmittance).unwrap_or(Rgb::ONE);
         let bsdf = match self.kind {
-            MaterialKind::Lambertian => {
-                let two_sided = self.two_sided.as_ref().is_none_or(|both| *both.get_ref());
-                Bsdf::Lambertian { albedo, two_sided }
-            }
+            MaterialKind::Lambertian => Bsdf::Lambertian { albedo, two_sided: self.is_two_sided() },
             MaterialKind::Mirror => {
                 Bsdf::Mirror { reflectance: rgb(&self.reflectance).unwrap_or(Rgb::ONE) }
             }
@@ -181,6 +208,9 @@ impl MaterialTable {
                 let plastic = Plastic::new(albedo, eta, Facets { model, alpha }, is_nonlinear);
                 Bsdf::Plastic(plastic.tinted(rgb(&self.tint).unwrap_or(Rgb::ONE)))
             }
+            MaterialKind::Principled => {
+                Bsdf::Principled(Principled::new(self.principled(albedo, eta)))
+            }
             MaterialKind::Coated => Bsdf::Coated(Coated::new(albedo, eta)),
             MaterialKind::Glossy => Bsdf::Glossy(Glossy::new(albedo, metallic, eta, alpha)),
         };
@@ -197,6 +227,34 @@ impl MaterialTable {
             hidden_from_camera: self.hidden,
             ..Material::new(name, bsdf)
         })
+    }
+
+    /// Whether the back scatters as the front does.
+    fn is_two_sided(&self) -> bool {
+        self.two_sided.as_ref().is_none_or(|both| *both.get_ref())
+    }
+
+    /// The parameters of a principled surface.
+    fn principled(&self, base_color: Rgb, eta: f32) -> PrincipledParameters {
+        let share = |key: &Option<Spanned<Share>>| key.as_ref().map_or(0.0, |s| s.get_ref().0);
+        let factor = self.metallic_roughness_texture.is_some();
+        PrincipledParameters {
+            base_color,
+            eta,
+            roughness: (self.roughness.as_ref().map(|roughness| roughness.get_ref().0))
+                .unwrap_or(if factor { 1.0 } else { 0.5 }),
+            metallic: (self.metallic.as_ref().map(|metallic| metallic.get_ref().0))
+                .unwrap_or(if factor { 1.0 } else { 0.0 }),
+            anisotropic: share(&self.anisotropic),
+            spec_trans: share(&self.transmission),
+            spec_tint: share(&self.specular_tint),
+            sheen: share(&self.sheen),
+            sheen_tint: share(&self.sheen_tint),
+            flatness: share(&self.flatness),
+            clearcoat: share(&self.clearcoat),
+            clearcoat_gloss: share(&self.clearcoat_gloss),
+            two_sided: self.is_two_sided(),
+        }
     }
 
     /// The model of facets that scatter once, if it is given.
@@ -269,6 +327,14 @@ impl MaterialTable {
             ("nonlinear", start(&self.nonlinear)),
             ("transmittance", start(&self.transmittance)),
             ("metallic", start(&self.metallic)),
+            ("anisotropic", start(&self.anisotropic)),
+            ("transmission", start(&self.transmission)),
+            ("specular_tint", start(&self.specular_tint)),
+            ("sheen", start(&self.sheen)),
+            ("sheen_tint", start(&self.sheen_tint)),
+            ("flatness", start(&self.flatness)),
+            ("clearcoat", start(&self.clearcoat)),
+            ("clearcoat_gloss", start(&self.clearcoat_gloss)),
             ("metallic_roughness_texture", start(&self.metallic_roughness_texture)),
         ];
         let (kind, keys) = self.kind.keys();

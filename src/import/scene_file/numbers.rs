@@ -67,6 +67,8 @@ bounded! {
     "give a number from 0 (smooth) to 1";
     /// Share of the rays that meet a surface.
     Opacity(f32), 0.0, 1.0, "the opacity is out of range", "give a number from 0 to 1";
+    /// A share or an amount in [0, 1].
+    Share(f32), 0.0, 1.0, "the number is out of range", "give a number from 0 to 1";
     /// Share of a metal.
     Metallic(f32), 0.0, 1.0, "the metallic share is out of range", "give a number from 0 to 1";
     /// Factor of the tangential components in a normal map.

@@ -1,7 +1,8 @@
 //! A Lambertian base under a smooth, clear dielectric coat, with all reflections in between.
 
-use super::{BsdfSample, Lobe, LobeSet, fresnel, mirrored};
-use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
+use super::layers::CoatOverBase;
+use super::{Lobe, fresnel};
+use crate::base::math::Rgb;
 use crate::base::rng::Rng;
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
@@ -55,37 +56,43 @@ impl Coated {
         let scale = (1.0 - self.reflected(cos)) * self.mean_transmittance;
         self.base * (std::f32::consts::PI * scale)
     }
+}
 
-    /// Probability of the mirror lobe among both.
+impl CoatOverBase for Coated {
+    #[inline]
+    fn coat_lobe(&self) -> Lobe {
+        Lobe::Delta
+    }
+
+    #[inline]
+    fn has_base(&self) -> bool {
+        true
+    }
+
     /// theory.md (31).
-    pub(super) fn mirror_prob(&self, wo: Vec3) -> f32 {
+    fn coat_prob(&self, wo: Vec3) -> f32 {
         let mirrored = self.reflected(wo.z);
         mirrored / (mirrored + self.diffuse_albedo(wo.z).max_element())
     }
 
-    pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Rgb {
-        if wi.z <= 0.0 {
-            return Rgb::ZERO;
-        }
-        // theory.md (31)
+    fn mirrored_share(&self, cos: f32) -> Rgb {
+        Rgb::splat(self.reflected(cos))
+    }
+
+    fn eval_coat(&self, _wo: Vec3, _wi: Vec3) -> Rgb {
+        Rgb::ZERO
+    }
+
+    fn coat_pdf_w(&self, _wo: Vec3, _wi: Vec3) -> f32 {
+        0.0
+    }
+
+    fn sample_coat(&self, wo: Vec3, _rng: &mut Rng) -> Vec3 {
+        Vec3::new(-wo.x, -wo.y, wo.z)
+    }
+
+    /// theory.md (31).
+    fn eval_base(&self, wo: Vec3, wi: Vec3) -> Rgb {
         self.base * ((1.0 - self.reflected(wo.z)) * (1.0 - self.reflected(wi.z)))
-    }
-
-    pub(super) fn pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
-        (1.0 - self.mirror_prob(wo)) * cosine_hemisphere_pdf_w(wi.z)
-    }
-
-    pub(super) fn sample(&self, wo: Vec3, wanted: LobeSet, rng: &mut Rng) -> BsdfSample {
-        let reflected = self.reflected(wo.z);
-        if wanted == LobeSet::PassThrough {
-            return mirrored(wo, Rgb::splat(reflected));
-        }
-        let prob = self.mirror_prob(wo);
-        if rng.next_1d() < prob {
-            return mirrored(wo, Rgb::splat(reflected / prob));
-        }
-        let wi = cosine_hemisphere(Vec3::Z, rng.next_2d());
-        let weight = self.eval(wo, wi) * (std::f32::consts::PI / (1.0 - prob));
-        BsdfSample { wi, weight, lobe: Lobe::Diffuse }
     }
 }

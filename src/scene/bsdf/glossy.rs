@@ -2,11 +2,12 @@
 
 use super::conductor::multiple_scattering;
 use super::ggx::{Ggx, reflect};
-use super::{BsdfSample, DIFFUSE_ALPHA, Lobe, LobeSet, SMOOTH_ALPHA, fresnel, mirrored};
+use super::layers::{CoatOverBase, facets_lobe};
+use super::{Lobe, SMOOTH_ALPHA, fresnel};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
 use glam::Vec3;
-use std::f32::consts::{FRAC_1_PI, PI};
+use std::f32::consts::FRAC_1_PI;
 
 /// The material of glTF 2.0 (Appendix B): a dielectric and a metal of the same GGX facets, mixed by
 /// `metallic`, on both sides of the surface. Facets reflect by Schlick's approximation.
@@ -84,23 +85,6 @@ impl Glossy {
         self.facets.alpha
     }
 
-    /// The class of the facets' lobe.
-    #[inline]
-    pub(super) fn facets_lobe(&self) -> Lobe {
-        match self.facets.alpha {
-            0.0 => Lobe::Delta,
-            alpha if alpha < DIFFUSE_ALPHA => Lobe::Rough,
-            _ => Lobe::Diffuse,
-        }
-    }
-
-    /// Returns true if the surface has a lobe of this class.
-    #[inline]
-    pub(super) fn has(&self, lobe: Lobe) -> bool {
-        let has_base = self.base * self.albedo.max_element() > 0.0;
-        self.facets_lobe() == lobe || (lobe == Lobe::Diffuse && has_base)
-    }
-
     /// Reflectance of both parts at normal incidence: Schlick's formula is linear in it.
     /// theory.md (32).
     #[inline]
@@ -119,99 +103,54 @@ impl Glossy {
     fn loss(&self, cos: f32) -> f32 {
         (1.0 - self.facets.single_albedo(cos)).max(0.0)
     }
+}
 
-    /// Probability of the facets' lobe: about its share of the reflected light.
-    pub(super) fn facets_prob(&self, wo: Vec3) -> f32 {
+impl CoatOverBase for Glossy {
+    #[inline]
+    fn coat_lobe(&self) -> Lobe {
+        facets_lobe(self.facets.alpha)
+    }
+
+    #[inline]
+    fn has_base(&self) -> bool {
+        self.base * self.albedo.max_element() > 0.0
+    }
+
+    fn coat_prob(&self, wo: Vec3) -> f32 {
         let once = self.facets.schlick_albedo(wo.z, self.mixed_normal().max_element());
         let facets = once + self.metallic * self.loss(wo.z);
         let base = (1.0 - self.metallic) * self.albedo.max_element() * self.enters(wo.z);
         if base > 0.0 { facets / (facets + base) } else { 1.0 }
     }
 
-    /// The value of the lobes of one class.
-    pub(super) fn eval(&self, lobe: Lobe, wo: Vec3, wi: Vec3) -> Rgb {
-        if wi.z <= 0.0 {
-            return Rgb::ZERO;
-        }
-        let own = self.facets_lobe() == lobe;
-        let facets = if own { self.eval_facets(wo, wi) } else { Rgb::ZERO };
-        let base = if lobe == Lobe::Diffuse { self.eval_base(wo, wi) } else { Rgb::ZERO };
-        facets + base
-    }
-
-    /// theory.md (32).
-    fn eval_base(&self, wo: Vec3, wi: Vec3) -> Rgb {
-        self.albedo * (self.base * self.enters(wo.z) * self.enters(wi.z))
+    fn mirrored_share(&self, cos: f32) -> Rgb {
+        fresnel::schlick(cos, self.mixed_normal())
     }
 
     /// theory.md (26), (32).
-    fn eval_facets(&self, wo: Vec3, wi: Vec3) -> Rgb {
-        if self.facets_lobe() == Lobe::Delta {
-            return Rgb::ZERO;
-        }
+    fn eval_coat(&self, wo: Vec3, wi: Vec3) -> Rgb {
         let m = (wo + wi).normalize();
         let once = self.facets.d(m) * self.facets.g2(wo, wi) / (4.0 * wo.z * wi.z);
         let again = self.multiple * (self.loss(wo.z) * self.loss(wi.z));
         fresnel::schlick(wo.dot(m), self.mixed_normal()) * once + again
     }
 
-    /// Density of sampling the lobes of one class, 1/sr; its integral is less than 1 if there are other classes.
-    pub(super) fn pdf_w(&self, lobe: Lobe, wo: Vec3, wi: Vec3) -> f32 {
-        if wi.z <= 0.0 {
-            return 0.0;
-        }
-        let prob = self.facets_prob(wo);
-        let own = self.facets_lobe() == lobe;
-        let facets = if own { prob * self.facets_pdf_w(wo, wi) } else { 0.0 };
-        let base = if lobe == Lobe::Diffuse { cosine_hemisphere_pdf_w(wi.z) } else { 0.0 };
-        facets + (1.0 - prob) * base
-    }
-
-    fn facets_pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
-        if self.facets_lobe() == Lobe::Delta {
-            return 0.0;
-        }
+    fn coat_pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
         let m = (wo + wi).normalize();
         let once = self.facets.g1(wo) * self.facets.d(m) / (4.0 * wo.z);
         let again = self.metallic * self.loss(wo.z);
         (1.0 - again) * once + again * cosine_hemisphere_pdf_w(wi.z)
     }
 
-    pub(super) fn sample(&self, wo: Vec3, wanted: LobeSet, rng: &mut Rng) -> Option<BsdfSample> {
-        let lobe = self.facets_lobe();
-        let prob = if wanted == LobeSet::All { self.facets_prob(wo) } else { 1.0 };
-        let facets = prob >= 1.0 || rng.next_1d() < prob;
-        if facets && lobe == Lobe::Delta {
-            let reflected = fresnel::schlick(wo.z, self.mixed_normal());
-            return Some(mirrored(wo, reflected / prob));
-        }
-        let wi = if facets { self.sample_facets(wo, rng) } else { self.sample_base(rng) };
-        if wi.z <= 0.0 {
-            return None; // into another facet
-        }
-        if lobe == Lobe::Diffuse {
-            // Both lobes may have this class: one density for both.
-            let pdf = self.pdf_w(lobe, wo, wi);
-            let weight = self.eval(lobe, wo, wi) * (wi.z / pdf);
-            return (pdf > 0.0).then_some(BsdfSample { wi, weight, lobe });
-        }
-        if facets {
-            let pdf = prob * self.facets_pdf_w(wo, wi);
-            let weight = self.eval_facets(wo, wi) * (wi.z / pdf);
-            return (pdf > 0.0).then_some(BsdfSample { wi, weight, lobe });
-        }
-        let weight = self.eval_base(wo, wi) * (PI / (1.0 - prob));
-        Some(BsdfSample { wi, weight, lobe: Lobe::Diffuse })
-    }
-
-    fn sample_facets(&self, wo: Vec3, rng: &mut Rng) -> Vec3 {
+    fn sample_coat(&self, wo: Vec3, rng: &mut Rng) -> Vec3 {
         if rng.next_1d() < self.metallic * self.loss(wo.z) {
-            return self.sample_base(rng);
+            return cosine_hemisphere(Vec3::Z, rng.next_2d());
         }
         reflect(wo, self.facets.sample_visible(wo, rng.next_2d()))
     }
 
-    fn sample_base(&self, rng: &mut Rng) -> Vec3 {
-        cosine_hemisphere(Vec3::Z, rng.next_2d())
+    /// theory.md (32).
+    fn eval_base(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        self.albedo * (self.base * self.enters(wo.z) * self.enters(wi.z))
     }
 }

@@ -4,6 +4,7 @@
 //! vertex or *passes through*. This is a property of the lobe ([`Lobe`]), not of the surface: a coat over a diffuse
 //! base has lobes of both kinds. At such a vertex photons merge with, and lights connect to, the diffuse lobe alone.
 
+mod anisotropic_ggx;
 mod beckmann;
 mod coated;
 mod conductor;
@@ -12,7 +13,10 @@ mod facets;
 pub mod fresnel;
 pub mod ggx;
 mod glossy;
+mod gtr1;
+mod layers;
 mod plastic;
+mod principled;
 mod rough_dielectric;
 
 pub use coated::Coated;
@@ -21,11 +25,13 @@ pub use dielectric::{Dielectric, ThinDielectric};
 pub use facets::{FacetModel, Facets};
 pub use glossy::Glossy;
 pub use plastic::Plastic;
+pub use principled::{Principled, PrincipledParameters};
 pub use rough_dielectric::RoughDielectric;
 
 use crate::base::math::{Frame, Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
 use glam::Vec3;
+use layers::CoatOverBase;
 use std::f32::consts::FRAC_1_PI;
 
 /// Minimum GGX width of lobes that merge and connect like diffuse surfaces. Narrower lobes pass through: merged or
@@ -72,6 +78,19 @@ pub struct Vertex {
     pub wo: Vec3,
     /// True if that side is the front.
     pub front: bool,
+    /// Direction along the surface, of any length, for BSDFs that depend on it; see [`Bsdf::is_anisotropic`].
+    pub tangent: Option<Vec3>,
+}
+
+impl Vertex {
+    /// The frame of local directions.
+    #[inline]
+    fn frame(&self) -> Frame {
+        match self.tangent {
+            None => Frame::new(self.normal),
+            Some(tangent) => Frame::with_tangent(self.normal, tangent),
+        }
+    }
 }
 
 /// A sampled direction.
@@ -124,6 +143,8 @@ pub enum Bsdf {
     Glossy(Glossy),
     /// A diffuse base under a smooth or rough dielectric coat, as Mitsuba's plastics.
     Plastic(Plastic),
+    /// Diffuse base, facets of dielectric, metal and glass, sheen and clear coat, as Mitsuba's `principled`.
+    Principled(Principled),
 }
 
 impl Bsdf {
@@ -136,17 +157,32 @@ impl Bsdf {
     #[inline]
     pub fn spread(&self) -> Option<Lobe> {
         match self {
-            Self::Glossy(glossy) => {
-                [Lobe::Diffuse, Lobe::Rough].into_iter().find(|lobe| glossy.has(*lobe))
-            }
-            Self::Plastic(plastic) => {
-                [Lobe::Diffuse, Lobe::Rough].into_iter().find(|lobe| plastic.has(*lobe))
+            Self::Glossy(_) | Self::Plastic(_) | Self::Principled(_) => {
+                [Lobe::Diffuse, Lobe::Rough].into_iter().find(|lobe| self.has_one_of(*lobe))
             }
             Self::Lambertian { .. } | Self::Coated(_) => Some(Lobe::Diffuse),
             Self::Conductor(conductor) => conductor.spread(),
             Self::RoughDielectric(_) => Some(Lobe::Rough),
             Self::Mirror { .. } | Self::Dielectric(_) | Self::ThinDielectric(_) => None,
         }
+    }
+
+    /// Returns true if a BSDF of several lobes has one of this class; false for others.
+    #[inline]
+    fn has_one_of(&self, lobe: Lobe) -> bool {
+        match self {
+            Self::Coated(coated) => coated.has(lobe),
+            Self::Glossy(glossy) => glossy.has(lobe),
+            Self::Plastic(plastic) => plastic.has(lobe),
+            Self::Principled(principled) => principled.has(lobe),
+            _ => false,
+        }
+    }
+
+    /// Returns true if the BSDF depends on [`Vertex::tangent`].
+    #[inline]
+    pub fn is_anisotropic(&self) -> bool {
+        matches!(self, Self::Principled(principled) if principled.is_anisotropic())
     }
 
     /// Returns true if any lobe is diffuse.
@@ -160,8 +196,9 @@ impl Bsdf {
     pub fn passes_through(&self) -> bool {
         match self {
             Self::Coated(_) => true,
-            Self::Glossy(glossy) => glossy.facets_lobe().passes_through(),
+            Self::Glossy(glossy) => glossy.coat_lobe().passes_through(),
             Self::Plastic(plastic) => plastic.coat_lobe().passes_through(),
+            Self::Principled(principled) => principled.has(Lobe::Rough),
             _ => !self.merges(),
         }
     }
@@ -170,8 +207,9 @@ impl Bsdf {
     #[inline]
     pub fn has_rough(&self) -> bool {
         match self {
-            Self::Glossy(glossy) => glossy.has(Lobe::Rough),
-            Self::Plastic(plastic) => plastic.has(Lobe::Rough),
+            Self::Glossy(_) | Self::Plastic(_) | Self::Principled(_) => {
+                self.has_one_of(Lobe::Rough)
+            }
             _ => self.spread() == Some(Lobe::Rough),
         }
     }
@@ -179,7 +217,11 @@ impl Bsdf {
     /// Returns true if any lobe transmits light to the other side.
     #[inline]
     pub fn transmits(&self) -> bool {
-        matches!(self, Self::Dielectric(_) | Self::ThinDielectric(_) | Self::RoughDielectric(_))
+        match self {
+            Self::Dielectric(_) | Self::ThinDielectric(_) | Self::RoughDielectric(_) => true,
+            Self::Principled(principled) => principled.transmits(),
+            _ => false,
+        }
     }
 
     /// Albedo of the front or the back of a Lambertian surface; `None` for others.
@@ -207,7 +249,9 @@ impl Bsdf {
     #[inline]
     pub fn eval_lobe(&self, lobe: Lobe, at: &Vertex, wi: Vec3) -> Rgb {
         match self {
-            Self::Glossy(_) | Self::Plastic(_) => self.eval_locally(at, wi, Some(lobe)),
+            Self::Glossy(_) | Self::Plastic(_) | Self::Principled(_) => {
+                self.eval_locally(at, wi, Some(lobe))
+            }
             _ if self.spread() == Some(lobe) => self.eval(at, wi),
             _ => Rgb::ZERO,
         }
@@ -215,7 +259,7 @@ impl Bsdf {
 
     /// The value of BSDFs that are not Lambertian, in the frame of the normal: of the lobes of one class, or of all.
     fn eval_locally(&self, at: &Vertex, wi: Vec3, lobe: Option<Lobe>) -> Rgb {
-        let frame = Frame::new(at.normal);
+        let frame = at.frame();
         let (wo, wi) = (frame.to_local(at.wo), frame.to_local(wi));
         if wo.z <= 0.0 {
             return Rgb::ZERO;
@@ -223,15 +267,10 @@ impl Bsdf {
         match self {
             Self::Conductor(conductor) => conductor.eval(wo, wi),
             Self::RoughDielectric(interface) => interface.eval(wo, wi, at.front),
-            Self::Coated(coated) => coated.eval(wo, wi),
-            Self::Glossy(glossy) => match lobe {
-                Some(lobe) => glossy.eval(lobe, wo, wi),
-                None => glossy.eval(Lobe::Diffuse, wo, wi) + glossy.eval(Lobe::Rough, wo, wi),
-            },
-            Self::Plastic(plastic) => match lobe {
-                Some(lobe) => plastic.eval(lobe, wo, wi),
-                None => plastic.eval(Lobe::Diffuse, wo, wi) + plastic.eval(Lobe::Rough, wo, wi),
-            },
+            Self::Coated(coated) => coated.eval(lobe, wo, wi),
+            Self::Glossy(glossy) => glossy.eval(lobe, wo, wi),
+            Self::Plastic(plastic) => plastic.eval(lobe, wo, wi),
+            Self::Principled(principled) => principled.eval(lobe, wo, wi, at.front),
             _ => Rgb::ZERO,
         }
     }
@@ -239,10 +278,10 @@ impl Bsdf {
     /// Density in solid angle, 1/sr, of [`Self::sample`] over the lobes of one class other than single directions. Its
     /// integral is less than 1 if there are other classes.
     pub fn pdf_w(&self, lobe: Lobe, at: &Vertex, wi: Vec3) -> f32 {
-        if !matches!(self, Self::Glossy(_) | Self::Plastic(_)) && self.spread() != Some(lobe) {
+        if self.spread() != Some(lobe) && !self.has_one_of(lobe) {
             return 0.0;
         }
-        let frame = Frame::new(at.normal);
+        let frame = at.frame();
         let (wo, wi) = (frame.to_local(at.wo), frame.to_local(wi));
         if wo.z <= 0.0 {
             return 0.0;
@@ -253,9 +292,10 @@ impl Bsdf {
             }
             Self::Conductor(conductor) => conductor.pdf_w(wo, wi),
             Self::RoughDielectric(interface) => interface.pdf_w(wo, wi, at.front),
-            Self::Coated(coated) => coated.pdf_w(wo, wi),
+            Self::Coated(coated) => coated.pdf_w(lobe, wo, wi),
             Self::Glossy(glossy) => glossy.pdf_w(lobe, wo, wi),
             Self::Plastic(plastic) => plastic.pdf_w(lobe, wo, wi),
+            Self::Principled(principled) => principled.pdf_w(lobe, wo, wi, at.front),
             _ => 0.0,
         }
     }
@@ -264,9 +304,10 @@ impl Bsdf {
     pub fn pass_prob(&self, at: &Vertex) -> f32 {
         let wo = Frame::new(at.normal).to_local(at.wo);
         match self {
-            Self::Coated(coated) if wo.z > 0.0 => coated.mirror_prob(wo),
-            Self::Glossy(glossy) if self.passes_through() && wo.z > 0.0 => glossy.facets_prob(wo),
+            Self::Coated(coated) if wo.z > 0.0 => coated.coat_prob(wo),
+            Self::Glossy(glossy) if self.passes_through() && wo.z > 0.0 => glossy.coat_prob(wo),
             Self::Plastic(plastic) if self.passes_through() && wo.z > 0.0 => plastic.coat_prob(wo),
+            Self::Principled(principled) if wo.z > 0.0 => principled.pass_prob(wo, at.front),
             _ if self.passes_through() => 1.0,
             _ => 0.0,
         }
@@ -310,7 +351,7 @@ impl Bsdf {
         if wanted == LobeSet::PassThrough && !self.passes_through() {
             return None;
         }
-        let frame = Frame::new(at.normal);
+        let frame = at.frame();
         let wo = frame.to_local(at.wo);
         if wo.z <= 0.0 {
             return None;
@@ -322,14 +363,15 @@ impl Bsdf {
             Self::ThinDielectric(sheet) => Some(sheet.sample(wo, rng)),
             Self::Conductor(conductor) => conductor.sample(wo, rng),
             Self::RoughDielectric(interface) => interface.sample(wo, at.front, transport, rng),
-            Self::Coated(coated) => Some(coated.sample(wo, wanted, rng)),
+            Self::Coated(coated) => coated.sample(wo, wanted, rng),
             Self::Glossy(glossy) => glossy.sample(wo, wanted, rng),
             Self::Plastic(plastic) => plastic.sample(wo, wanted, rng),
+            Self::Principled(principled) => principled.sample(wo, at.front, transport, wanted, rng),
         }?;
         Some(BsdfSample { wi: frame.to_world(sample.wi), ..sample })
     }
 
-    /// The albedo feature for denoisers. Coated and glossy surfaces have the color of their base, metals their
+    /// The albedo feature for denoisers. Surfaces with a base have its color, metals their
     /// reflectance at normal incidence, rough glass its transmittance. Mirrors and clear glass are white.
     pub fn color(&self, front: bool) -> Rgb {
         match self {
@@ -338,6 +380,7 @@ impl Bsdf {
             Self::Coated(coated) => coated.albedo(),
             Self::Glossy(glossy) => glossy.albedo(),
             Self::Plastic(plastic) => plastic.albedo(),
+            Self::Principled(principled) => principled.parameters().base_color,
             Self::Conductor(conductor) => conductor.normal_reflectance(),
             Self::RoughDielectric(interface) => interface.transmittance(),
             Self::Mirror { .. } | Self::Dielectric(_) | Self::ThinDielectric(_) => Rgb::ONE,

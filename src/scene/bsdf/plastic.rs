@@ -3,8 +3,9 @@
 
 use super::facets::{FacetModel, Facets};
 use super::ggx::reflect;
-use super::{BsdfSample, DIFFUSE_ALPHA, Lobe, LobeSet, SMOOTH_ALPHA, fresnel, mirrored};
-use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
+use super::layers::{CoatOverBase, facets_lobe};
+use super::{Lobe, SMOOTH_ALPHA, fresnel};
+use crate::base::math::Rgb;
 use crate::base::rng::Rng;
 use glam::Vec3;
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -175,23 +176,6 @@ impl Plastic {
         self.is_nonlinear
     }
 
-    /// The class of the coat's lobe.
-    #[inline]
-    pub(super) fn coat_lobe(&self) -> Lobe {
-        match self.facets.alpha {
-            0.0 => Lobe::Delta,
-            alpha if alpha < DIFFUSE_ALPHA => Lobe::Rough,
-            _ => Lobe::Diffuse,
-        }
-    }
-
-    /// Returns true if the surface has a lobe of this class.
-    #[inline]
-    pub(super) fn has(&self, lobe: Lobe) -> bool {
-        let has_base = self.base.max_element() > 0.0;
-        self.coat_lobe() == lobe || (lobe == Lobe::Diffuse && has_base)
-    }
-
     /// Share of the light from the cosine `cos` that enters the coat.
     #[inline]
     fn transmittance(&self, cos: f32) -> f32 {
@@ -207,87 +191,46 @@ impl Plastic {
         }
         (first + 0.5 * x * last - before).clamp(0.0, 1.0)
     }
+}
 
-    /// Probability of the coat's lobe: about its share of the reflected light.
-    pub(super) fn coat_prob(&self, wo: Vec3) -> f32 {
+impl CoatOverBase for Plastic {
+    #[inline]
+    fn coat_lobe(&self) -> Lobe {
+        facets_lobe(self.facets.alpha)
+    }
+
+    #[inline]
+    fn has_base(&self) -> bool {
+        self.base.max_element() > 0.0
+    }
+
+    fn coat_prob(&self, wo: Vec3) -> f32 {
         let enters = self.transmittance(wo.z);
         let coat = (1.0 - enters) * self.tint.max_element();
         let base = PI * self.base.max_element() * enters * self.coat.mean_transmittance;
         if base > 0.0 { (coat / (coat + base)).min(1.0 - 1e-3) } else { 1.0 }
     }
 
-    /// The value of the lobes of one class.
-    pub(super) fn eval(&self, lobe: Lobe, wo: Vec3, wi: Vec3) -> Rgb {
-        if wi.z <= 0.0 {
-            return Rgb::ZERO;
-        }
-        let own = self.coat_lobe() == lobe;
-        let coat = if own { self.eval_coat(wo, wi) } else { Rgb::ZERO };
-        let base = if lobe == Lobe::Diffuse { self.eval_base(wo, wi) } else { Rgb::ZERO };
-        coat + base
-    }
-
-    fn eval_base(&self, wo: Vec3, wi: Vec3) -> Rgb {
-        self.base * (self.transmittance(wo.z) * self.transmittance(wi.z))
+    fn mirrored_share(&self, cos: f32) -> Rgb {
+        self.tint * fresnel::dielectric(cos, self.eta).0
     }
 
     fn eval_coat(&self, wo: Vec3, wi: Vec3) -> Rgb {
-        if self.coat_lobe() == Lobe::Delta {
-            return Rgb::ZERO;
-        }
         let m = (wo + wi).normalize();
         let once = self.facets.d(m) * self.facets.g2(wo, wi) / (4.0 * wo.z * wi.z);
         self.tint * (fresnel::dielectric(wo.dot(m), self.eta).0 * once)
     }
 
-    /// Density of sampling the lobes of one class, 1/sr; its integral is less than 1 if there are other classes.
-    pub(super) fn pdf_w(&self, lobe: Lobe, wo: Vec3, wi: Vec3) -> f32 {
-        if wi.z <= 0.0 {
-            return 0.0;
-        }
-        let prob = self.coat_prob(wo);
-        let own = self.coat_lobe() == lobe;
-        let coat = if own { prob * self.coat_pdf_w(wo, wi) } else { 0.0 };
-        let base = if lobe == Lobe::Diffuse { cosine_hemisphere_pdf_w(wi.z) } else { 0.0 };
-        coat + (1.0 - prob) * base
-    }
-
     fn coat_pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
-        if self.coat_lobe() == Lobe::Delta {
-            return 0.0;
-        }
         let m = (wo + wi).normalize();
         self.facets.g1(wo) * self.facets.d(m) / (4.0 * wo.z)
     }
 
-    pub(super) fn sample(&self, wo: Vec3, wanted: LobeSet, rng: &mut Rng) -> Option<BsdfSample> {
-        let lobe = self.coat_lobe();
-        let prob = if wanted == LobeSet::All { self.coat_prob(wo) } else { 1.0 };
-        let is_coat = prob >= 1.0 || rng.next_1d() < prob;
-        if is_coat && lobe == Lobe::Delta {
-            let reflected = fresnel::dielectric(wo.z, self.eta).0;
-            return Some(mirrored(wo, self.tint * (reflected / prob)));
-        }
-        let wi = if is_coat {
-            reflect(wo, self.facets.sample_visible(wo, rng.next_2d()))
-        } else {
-            cosine_hemisphere(Vec3::Z, rng.next_2d())
-        };
-        if wi.z <= 0.0 {
-            return None; // into another facet
-        }
-        if lobe == Lobe::Diffuse {
-            // Both lobes have this class: one density for both.
-            let pdf = self.pdf_w(lobe, wo, wi);
-            let weight = self.eval(lobe, wo, wi) * (wi.z / pdf);
-            return (pdf > 0.0).then_some(BsdfSample { wi, weight, lobe });
-        }
-        if is_coat {
-            let pdf = prob * self.coat_pdf_w(wo, wi);
-            let weight = self.eval_coat(wo, wi) * (wi.z / pdf);
-            return (pdf > 0.0).then_some(BsdfSample { wi, weight, lobe });
-        }
-        let weight = self.eval_base(wo, wi) * (PI / (1.0 - prob));
-        Some(BsdfSample { wi, weight, lobe: Lobe::Diffuse })
+    fn sample_coat(&self, wo: Vec3, rng: &mut Rng) -> Vec3 {
+        reflect(wo, self.facets.sample_visible(wo, rng.next_2d()))
+    }
+
+    fn eval_base(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        self.base * (self.transmittance(wo.z) * self.transmittance(wi.z))
     }
 }

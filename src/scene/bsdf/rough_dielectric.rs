@@ -58,7 +58,7 @@ impl RoughDielectric {
     }
 
     /// Normal of the facet that joins two directions, on the side of `wo`; `None` if no facet does.
-    fn facet(wo: Vec3, wi: Vec3, eta: f32) -> Option<Vec3> {
+    pub(super) fn facet(wo: Vec3, wi: Vec3, eta: f32) -> Option<Vec3> {
         let sum = if wi.z > 0.0 { wo + wi } else { wo + eta * wi };
         let m = sum.try_normalize()?;
         let m = if m.z < 0.0 { -m } else { m };
@@ -122,7 +122,7 @@ impl RoughDielectric {
 }
 
 /// Solid angle of normals per solid angle of refracted directions.
-fn refraction(wo: Vec3, wi: Vec3, m: Vec3, eta: f32) -> f32 {
+pub(super) fn refraction(wo: Vec3, wi: Vec3, m: Vec3, eta: f32) -> f32 {
     let denominator = wi.dot(m) + wo.dot(m) / eta;
     wi.dot(m).abs() / (denominator * denominator)
 }

@@ -42,7 +42,7 @@ fn camera_paths(count: u32) -> CameraPaths {
             let (position, normal) = place(&mut rng);
             let weight = Rgb::new(rng.next_1d(), 1.0, rng.next_1d());
             let view = if rng.next_1d() < 0.2 {
-                let at = Vertex { normal, wo: normal, front: true };
+                let at = Vertex { normal, wo: normal, front: true, tangent: None };
                 paths.views.push(GatherView {
                     bsdf: Bsdf::diffuse(Rgb::splat(0.5)),
                     at,

@@ -145,8 +145,8 @@ mod tests {
     use crate::base::rng::{Rng, Stream, StreamKey};
     use crate::scene::Material;
     use crate::scene::bsdf::{
-        Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, LobeSet, Plastic, Reflectance,
-        RoughDielectric, ThinDielectric,
+        Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, LobeSet, Plastic, Principled,
+        PrincipledParameters, Reflectance, RoughDielectric, ThinDielectric,
     };
     use crate::scene::diffuse::TriangleSide;
     use crate::transport::gather::GatherView;
@@ -160,7 +160,23 @@ mod tests {
             let facets = Facets { model: FacetModel::Ggx, alpha };
             Bsdf::Plastic(Plastic::new(Vec3::new(0.7, 0.3, 0.2), 1.5, facets, true))
         };
+        let principled = |roughness, spec_trans, clearcoat| {
+            Bsdf::Principled(Principled::new(PrincipledParameters {
+                base_color: Rgb::new(0.7, 0.3, 0.2),
+                roughness,
+                anisotropic: 0.5,
+                metallic: 0.2,
+                spec_trans,
+                sheen: 0.5,
+                clearcoat,
+                ..PrincipledParameters::default()
+            }))
+        };
         vec![
+            principled(0.4, 0.0, 0.0),
+            principled(0.7, 0.0, 0.0),
+            principled(0.7, 0.0, 1.0),
+            principled(0.4, 0.6, 1.0),
             Bsdf::diffuse(Rgb::new(0.2, 0.7, 0.5)),
             Bsdf::Mirror { reflectance: Rgb::splat(0.8) },
             Bsdf::Dielectric(Dielectric::new(1.5)),
@@ -193,6 +209,7 @@ mod tests {
             material,
             bsdf: material.bsdf,
             uv: None,
+            tangent: None,
         }
     }
 

@@ -1,7 +1,6 @@
-//! Projections of directions on a plane that show more than half of the sphere.
+//! Projections of fisheye lenses.
 
 use glam::{Vec2, Vec3};
-use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Projection of a fisheye lens: the distance of an image point from the center by the angle from the axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,17 +44,10 @@ impl FisheyeProjection {
     }
 }
 
-/// Unit direction of the point `at` of a panorama in longitude and latitude, in its widths to the right and in its
-/// heights up from its center. In the result, +x is right, +y up and +z toward the center.
-pub(super) fn panorama_direction(at: Vec2) -> Vec3 {
-    let (sin, cos) = (TAU * at.x).sin_cos();
-    let (up, across) = (PI * at.y).clamp(-FRAC_PI_2, FRAC_PI_2).sin_cos();
-    Vec3::new(across * sin, up, across * cos)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f32::consts::{FRAC_PI_2, PI};
 
     #[test]
     fn fisheyes_reach_their_field_of_view_at_the_edge_of_the_image_circle() {
@@ -75,20 +67,5 @@ mod tests {
         };
         assert!((angle(FisheyeProjection::Equidistant) - 45.0).abs() < 1e-3);
         assert!((angle(FisheyeProjection::Equisolid) - 41.409_6).abs() < 1e-3);
-    }
-
-    #[test]
-    fn panorama_covers_all_longitudes_and_latitudes() {
-        for (at, expected) in [
-            (Vec2::ZERO, Vec3::Z),
-            (Vec2::new(0.25, 0.0), Vec3::X),
-            (Vec2::new(-0.25, 0.0), -Vec3::X),
-            (Vec2::new(0.5, 0.0), -Vec3::Z),
-            (Vec2::new(0.1, 0.5), Vec3::Y),
-            (Vec2::new(0.7, -0.5), -Vec3::Y),
-        ] {
-            let direction = panorama_direction(at);
-            assert!((direction - expected).length() < 1e-6, "{at}: {direction}");
-        }
     }
 }
