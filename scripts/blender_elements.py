@@ -302,6 +302,26 @@ def _(scene):
     light("POINT", energy=300, shadow_soft_size=0.2)
 
 
+@element("camera orthographic")
+def _(scene):
+    floor()
+    ball()
+    camera(type="ORTHO", ortho_scale=5, shift_x=0.1, shift_y=-0.05)
+    light("POINT", energy=300, shadow_soft_size=0.2)
+
+
+@element("camera orthographic region")
+def _(scene):
+    floor()
+    ball()
+    camera(type="ORTHO", ortho_scale=6, sensor_fit="VERTICAL")
+    render = scene.render
+    render.use_border = render.use_crop_to_border = True
+    render.resolution_x, render.resolution_y = 128, 96
+    render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.25, 0.75, 1 / 6, 5 / 6
+    light("POINT", energy=300, shadow_soft_size=0.2)
+
+
 # Worlds.
 
 

@@ -304,6 +304,9 @@ def load(
     strict: bool = False,
     environment: str | float | PathLike[str] | None = None,
     fallback_light: bool = True,
+    camera_from: str | PathLike[str] | None = None,
+    look_at: Sequence[Sequence[float]] | None = None,
+    fov: float | None = None,
 ) -> Scene: ...
 def start(scene: Scene, **options: Unpack[RenderOptions]) -> Job: ...
 def analyze(

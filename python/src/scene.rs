@@ -3,7 +3,9 @@
 use crate::arrays::{rows, triangles};
 use crate::error::raised;
 use crate::tables;
-use bdpm::import::{EnvironmentSource, LoadOptions, Loaded, NamedMesh, load_meshes, load_with};
+use bdpm::import::{
+    CameraChange, EnvironmentSource, LoadOptions, Loaded, LookAt, NamedMesh, load_meshes, load_with,
+};
 use bytemuck::allocation::cast_vec;
 use glam::{Vec2, Vec3};
 use pyo3::exceptions::PyTypeError;
@@ -195,10 +197,16 @@ impl Scene {
 /// - `strict`: refuse a scene if a part of it would be skipped.
 /// - `environment`: an .exr or .hdr file, or a radiance in W/(m^2 sr), in place of the environment of the file.
 /// - `fallback_light`: add a light to a glTF or OBJ file that has none.
+/// - `camera_from`: a scene whose camera replaces the scene's own.
+/// - `look_at`: moves the camera: position, target and optionally up vector, such as ((0, 1, 5), (0, 1, 0)).
+/// - `fov`: full opening angle of the camera in degrees, across the side to which its own angle refers.
 ///
 /// Raises bdpm.Error with the file and the line that cannot be read.
 #[pyfunction]
-#[pyo3(signature = (path, *, camera=None, strict=false, environment=None, fallback_light=true))]
+#[pyo3(signature = (
+    path, *, camera=None, strict=false, environment=None, fallback_light=true, camera_from=None, look_at=None, fov=None
+))]
+#[expect(clippy::too_many_arguments, reason = "keyword arguments")]
 pub fn load(
     py: Python<'_>,
     path: PathBuf,
@@ -206,15 +214,28 @@ pub fn load(
     strict: bool,
     environment: Option<&Bound<'_, PyAny>>,
     fallback_light: bool,
+    camera_from: Option<PathBuf>,
+    look_at: Option<Vec<[f32; 3]>>,
+    fov: Option<f32>,
 ) -> PyResult<Scene> {
+    let look_at = look_at.map(|vectors| match vectors[..] {
+        [position, target] => Ok(LookAt::new(position.into(), target.into(), None)),
+        [position, target, up] => {
+            Ok(LookAt::new(position.into(), target.into(), Some(Vec3::from(up))))
+        }
+        _ => Err(PyTypeError::new_err(
+            "look_at is not a position, a target and optionally an up vector",
+        )),
+    });
+    let look_at = look_at.transpose()?;
     let environment = environment.map(|environment| -> PyResult<EnvironmentSource> {
         environment.str()?.to_str()?.parse().map_err(raised)
     });
     let environment = environment.transpose()?;
     let loaded = py.detach(|| {
         let (environment, no_fallback_light) = (environment.as_ref(), !fallback_light);
-        let options =
-            LoadOptions { camera, strict, environment, no_fallback_light, ..Default::default() };
+        let camera_change = CameraChange { from: camera_from.as_deref(), look_at, fov };
+        let options = LoadOptions { camera, strict, environment, no_fallback_light, camera_change };
         load_with(&path, &options)
     });
     Ok(Scene { loaded: loaded.map_err(raised)? })

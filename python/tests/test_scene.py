@@ -110,3 +110,16 @@ def test_environment_replaces_that_of_a_file(tmp_path: Path) -> None:
         image = bdpm.render(scene, iterations=64, strategy="path", resolution=(16, 16), seed=2).image
     inside = image[7:9, 7:9].mean()
     assert abs(image.max() - 1) < 0.5 and 0.4 < inside <= 1.0
+
+
+def test_camera_of_a_file_can_be_moved_and_taken_from_another():
+    box = "scenes/cornell-box"
+    same = [bdpm.load(box, look_at=((0, 1, 5), (0, 1, 0), (0, 1, 0)), fov=30) for _ in range(2)]
+    images = [bdpm.render(scene, iterations=1, resolution=(8, 8), seed=3).image for scene in [*same, bdpm.load(box)]]
+    np.testing.assert_array_equal(images[0], images[1])
+    assert (images[0] != images[2]).any()
+    assert bdpm.load(box, camera_from="scenes/keyhole").settings == bdpm.load(box).settings
+    with pytest.raises(TypeError, match="look_at is not a position"):
+        bdpm.load(box, look_at=((0, 1, 5),))
+    with pytest.raises(bdpm.Error, match="field of view"):
+        bdpm.load(box, fov=180)

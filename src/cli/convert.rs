@@ -1,9 +1,9 @@
 //! `bdpm convert SCENE OUT`.
 
-use super::{LightArgs, json, print_notes};
+use super::{CameraArgs, LightArgs, json, print_notes};
 use bdpm::base::error::Result;
 use bdpm::import::counted;
-use bdpm::import::{SceneSummary, Warning, export, load, load_with};
+use bdpm::import::{LoadOptions, SceneSummary, Warning, export, load, load_with};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -16,6 +16,8 @@ pub struct Args {
     /// Keep this camera of a glTF or Mitsuba file [default: the first]
     #[arg(long, value_name = "NAME")]
     camera: Option<String>,
+    #[command(flatten)]
+    camera_change: CameraArgs,
     /// Refuse a scene if a part of it would be skipped
     #[arg(long)]
     strict: bool,
@@ -42,7 +44,8 @@ struct ConvertReport<'a> {
 
 pub fn run(args: &Args) -> Result<String> {
     let options = args.light.options(args.camera.as_deref(), args.strict);
-    let loaded = load_with(&args.scene, &options)?;
+    let camera_change = args.camera_change.change();
+    let loaded = load_with(&args.scene, &LoadOptions { camera_change, ..options })?;
     let origin = args.scene.file_name().map(|name| name.to_string_lossy().into_owned());
     let origin = origin.unwrap_or_else(|| loaded.scene.name.clone());
     let exported = export(&loaded, &origin, &args.out, args.force)?;

@@ -29,6 +29,13 @@ pub struct LookAt {
     up: Option<Vec3>,
 }
 
+impl LookAt {
+    /// A camera at `position` that looks at `target`, with this up vector or the axis nearest to its own.
+    pub fn new(position: Vec3, target: Vec3, up: Option<Vec3>) -> Self {
+        Self { position, target, up }
+    }
+}
+
 impl FromStr for LookAt {
     type Err = Error;
 

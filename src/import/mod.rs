@@ -6,6 +6,7 @@
 
 mod builder;
 mod camera_change;
+mod curves;
 mod default_camera;
 mod environment;
 mod export;

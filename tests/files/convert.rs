@@ -4,7 +4,7 @@ use crate::common::gltf::*;
 use crate::common::program_output::{assert_refused, json, text};
 use bdpm::image_io::{Image, Layer, Metadata, write_exr};
 use bdpm::import::{Loaded, export, load};
-use bdpm::scene::Material;
+use bdpm::scene::{FieldOfView, Material, Optics};
 use glam::Vec3;
 use serde_json::json;
 use std::fs;
@@ -335,4 +335,16 @@ fn conversion_without_force_replaces_no_file() {
     let again = convert(&[&files.1, &out], &["--force"]);
     let shown = text(&again.stdout);
     assert!(again.status.success() && shown.contains("6 files, fingerprint "), "{shown}");
+}
+
+#[test]
+fn converted_scenes_have_the_camera_that_the_options_request() {
+    let folder = TempDir::new().unwrap();
+    let (scene, out) = (Path::new("tests/data/mitsuba/shapes.xml"), folder.path().join("out"));
+    let done = convert(&[scene, &out], &["--look-at", "1,2,30,1,2,0", "--fov", "12.5"]);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let camera = &load(&out).unwrap().scene.camera;
+    assert_eq!((camera.position(), camera.direction()), (Vec3::new(1.0, 2.0, 30.0), -Vec3::Z));
+    let optics = camera.optics();
+    assert!(matches!(optics, Optics::Pinhole(FieldOfView::X(12.5))), "{optics:?}");
 }

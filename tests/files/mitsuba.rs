@@ -379,8 +379,13 @@ fn approximations_and_omissions_are_warnings() {
     for (inside, warning) in [
         ("<shape type='hair'/>", "left out shapes of type `hair`"),
         ("<emitter type='sunsky'/>", "left out further environments"),
-        ("<emitter type='projector'/>", "left out lights of type `projector`"),
+        ("<emitter type='projector'/>", "used a round spot of the same power"),
         ("<emitter type='spot'/>", "falloff"),
+        (
+            "<shape type='disk'><bsdf type='normalmap'><texture name='normalmap' type='rawconstant'>\
+             <vector name='value' value='0.5, 0.5, 1'/></texture><bsdf type='diffuse'/></bsdf></shape>",
+            "left out the normals or bumps",
+        ),
         (
             "<integrator type='path'><integer name='max_depth' value='7'/></integrator>",
             "limit of 7 segments",
@@ -389,6 +394,8 @@ fn approximations_and_omissions_are_warnings() {
         let loaded = with(&[SQUARE, inside].concat());
         assert!(loaded.warnings_text().contains(warning), "{}", loaded.warnings_text());
     }
+    let meter = read(&scene(&format!("<sensor type='radiancemeter'/>{LIGHT}{SQUARE}")));
+    assert!(meter.warnings_text().contains("whole scene for the `radiancemeter`"));
     // A plain scene has no other warnings.
     assert_eq!(with(SQUARE).warnings_text(), "");
 }
@@ -485,10 +492,6 @@ fn errors_name_file_line_and_element() {
             &["no file `no.obj`"],
         ),
         (&scene(&format!("{CAMERA}{LIGHT}<shape type='instance'/>")), &["refers to no shapegroup"]),
-        (
-            &scene(&format!("<sensor type='radiancemeter'/>{LIGHT}{SQUARE}")),
-            &["a.xml:2:", "`radiancemeter` are not supported"],
-        ),
         (&scene("<float name='a' value='$b'/>"), &["the parameter `$b` has no value"]),
         (
             &scene("<bsdf type='diffuse' id='a'/><bsdf type='diffuse' id='a'/>"),

@@ -277,13 +277,32 @@ fn errors_name_the_line_and_a_remedy() {
 #[test]
 fn unsupported_parts_are_named() {
     let text = "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\nMediumInterface \"fog\" \"\"\n\
-                Material \"hair\"\nShape \"curve\" \"point3 P\" [0 0 0 1 1 1 2 2 2 3 3 3]\n\
                 LightSource \"goniometric\"\nMaterial \"measured\" \"string filename\" \"x.bsdf\"\n";
     let loaded = world(text);
     let shown = loaded.warnings_text();
-    for part in ["participating media", "`curve`", "`goniometric`", "the measured material"] {
+    for part in ["participating media", "`goniometric`", "the measured material"] {
         assert!(shown.contains(part), "{shown}");
     }
+}
+
+#[test]
+fn scenes_of_media_alone_are_refused_with_the_reason() {
+    let fog = "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\nMediumInterface \"fog\" \"\"\n\
+               Material \"interface\"\nShape \"sphere\"\n";
+    let error = try_load(&[HEAD, LIGHT, fog].concat()).unwrap_err().to_string();
+    assert!(error.contains("only participating media"), "{error}");
+}
+
+#[test]
+fn curves_of_one_material_become_one_mesh_of_tubes() {
+    let curve = "Shape \"curve\" \"float width\" 0.2 \"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0]\n";
+    let text = format!("Material \"diffuse\"\n{curve}Shape \"sphere\"\n{curve}{curve}");
+    let placements = |text: &str| world(text).scene.placements().len();
+    let without = placements("Material \"diffuse\"\nShape \"sphere\"\n");
+    assert_eq!(placements(&text), without + 1);
+    let bad = "Shape \"curve\" \"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0 4 0 0]\n";
+    let error = try_load(&[HEAD, LIGHT, bad].concat()).unwrap_err().to_string();
+    assert!(error.contains("5 control points do not fit"), "{error}");
 }
 
 #[test]

@@ -46,6 +46,33 @@ fn point_light_over_a_plane() {
     }
 }
 
+/// [`lit_plane`] away from the origin, with a second plane at this height above it, turned away if it is negative.
+fn lit_layers(height: f32) -> (Arc<Scene>, f64) {
+    let origin = Vec3::new(5.0, -7.0, 3.0);
+    let layers = vec![
+        square(origin, Vec3::Z, 4.0, 0),
+        square(origin + height * Vec3::Z, Vec3::Z * height.signum(), 4.0, 0),
+    ];
+    let (from, to) = (Vec3::new(3.0, 0.5, 1.5), Vec3::new(0.7, 0.2, 0.0));
+    let light = point_light(origin + Vec3::new(0.0, 0.0, 2.0), 10.0);
+    let camera = camera(origin + from, origin + to, 2.0);
+    let (_, expected) = lit_plane();
+    (scene(layers, vec![gray(0.6, 0.0)], vec![light], camera), expected)
+}
+
+#[test]
+fn coincident_layers_do_not_shade_each_other() {
+    // Published models have the same face twice, or faces that differ by the rounding of their file. Which of them a
+    // camera ray meets is a matter of rounding: a shadow ray must start beyond both. One unit in the last place of the
+    // coordinates is 5e-7, and rays start 32 units off.
+    for height in [0.0, -0.0, 5e-7, -5e-7, 2e-6, -2e-6, 1e-5, -1e-5] {
+        let (scene, expected) = lit_layers(height);
+        let settings = Settings { direct: Direct::Connect, ..settings(16, 16) };
+        let mean = mean_luminance(&scene, &accel(&scene), settings, 20);
+        mean.assert_is(expected, 1.5e-3);
+    }
+}
+
 const SPHERE_ALBEDO: f32 = 0.5;
 
 /// A point light in the center of a sphere, seen from off the center.

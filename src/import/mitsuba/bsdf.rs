@@ -139,7 +139,7 @@ impl BsdfCache {
             "normalmap" => {
                 let look = first(object, self.nested(object, paints, depth)?)?;
                 let Some(child) = one_texture(object, "normalmap")? else { return Ok(look) };
-                let (texture, to_uv) = paints.data(&child)?;
+                let Some((texture, to_uv)) = paints.data(&child)? else { return Ok(look) };
                 // The code 127.5 stands for 0, and v points down.
                 let code = |x: f32| (128.0 + 127.0 * x).round().clamp(1.0, 255.0) as u8;
                 let vector = |code: u8| f32::from(code) / 127.5 - 1.0;
@@ -152,7 +152,7 @@ impl BsdfCache {
                 let look = first(object, self.nested(object, paints, depth)?)?;
                 let scale = object.float("scale")?.unwrap_or(1.0) as f32;
                 let Some(child) = one_texture(object, "")? else { return Ok(look) };
-                let (texture, to_uv) = paints.data(&child)?;
+                let Some((texture, to_uv)) = paints.data(&child)? else { return Ok(look) };
                 bent(paints, look, NormalSource::Bumps(texture, scale), to_uv, object)
             }
             "blendbsdf" => self.blend(object, paints, depth),

@@ -12,6 +12,7 @@ use crate::import::sky::Sky;
 use crate::scene::transform::MAX_COORDINATE;
 use crate::scene::{Directional, Emitter, Environment, Spot};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
+use std::f64::consts::{PI, TAU};
 
 /// Width up to which small maps of radiance are refined, pixels.
 const FINE: u32 = 1024;
@@ -87,6 +88,21 @@ pub(super) fn emitter(
                 None => map.matrix3.z_axis,
             };
             Emitter::Directional(Directional::new(unit(along)?, light(paints, "irradiance")?))
+        }
+        "projector" => {
+            let irradiance = light(paints, "irradiance")?;
+            let scale = object.float_in("scale", 1.0, [0.0, 1e30])? as f32;
+            let degrees = object.float_in("fov", 45.0, [1e-3, 179.0])?;
+            let _ = object.string("fov_axis")?;
+            paints.skipped("used a round spot of the same power for the projector", object);
+            // The flux through a square of the field of view at distance 1, within a circle of the same area.
+            let area = (2.0 * (0.5 * degrees).to_radians().tan()).powi(2);
+            let cos = 1.0 / (1.0 + area / PI).sqrt();
+            let intensity = irradiance * (scale * (PI * area / (TAU * (1.0 - cos))) as f32);
+            let (position, direction) = (checked(map.translation)?, unit(map.matrix3.z_axis)?);
+            let cos_inner = cos as f32;
+            let cos_outer = cos_inner - LEAST_FALLOFF;
+            Emitter::Spot(Spot { position, direction, intensity, cos_inner, cos_outer })
         }
         other => {
             let phrase = format!("left out lights of type `{other}`:");

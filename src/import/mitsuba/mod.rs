@@ -81,7 +81,10 @@ impl SceneReader<'_> {
         };
         let sensors: Vec<Object> = top("sensor");
         let chosen = sensor::choose(&sensors, options.camera, &mut self.paints)?;
-        let sensor = chosen.map(|object| Sensor::read(&object, &mut self.paints)).transpose()?;
+        let sensor = match &chosen {
+            Some(object) => Sensor::read(object, &mut self.paints)?,
+            None => None,
+        };
         self.warn_of_integrators(&top("integrator"))?;
         let lights: Vec<Object> = top("emitter");
         let environment = self.environment(&lights)?;

@@ -51,14 +51,15 @@ pub(super) fn choose<'a>(
 }
 
 impl Sensor {
-    /// Reads a perspective camera, with or without a lens, or an orthographic one.
-    pub fn read(sensor: &Object, paints: &mut Paints) -> Result<Self> {
+    /// Reads a perspective camera, with or without a lens, or an orthographic one; `None` for other types.
+    pub fn read(sensor: &Object, paints: &mut Paints) -> Result<Option<Self>> {
         let has_lens = match sensor.kind() {
             "perspective" | "orthographic" => false,
             "thinlens" => true,
             other => {
-                let problem = format!("sensors of type `{other}` are not supported");
-                return Err(sensor.error(problem, "use perspective, thinlens or orthographic"));
+                let phrase = format!("used a view of the whole scene for the `{other}`");
+                paints.skipped(phrase, sensor);
+                return Ok(None);
             }
         };
         let name = sensor.label();
@@ -73,7 +74,7 @@ impl Sensor {
             let across = 2.0 * to_world.matrix3.x_axis.length() * share;
             let optics = Optics::Orthographic(Extent::X(across as f32));
             let shift = [film.shift(0, 0.0), -film.shift(1, 0.0)];
-            return Ok(Self { name, to_world, optics, shift, resolution: film.part });
+            return Ok(Some(Self { name, to_world, optics, shift, resolution: film.part }));
         }
         let field_of_view = film.part_of(field_of_view(sensor, film.size)?);
         // To the right and down, in widths and heights of the film.
@@ -98,7 +99,7 @@ impl Sensor {
         } else {
             Optics::Pinhole(field_of_view)
         };
-        Ok(Self { name, to_world, optics, shift, resolution: film.part })
+        Ok(Some(Self { name, to_world, optics, shift, resolution: film.part }))
     }
 
     /// Whether its image is mirrored.

@@ -10,13 +10,14 @@ use super::object::Object;
 use super::serialized;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
+use crate::import::curves::{CurveBasis, add_tube, remove_empty};
 use crate::import::instancing::MaterialMesh;
 use crate::import::paint::Paint;
 use crate::import::ply;
 use crate::scene::transform::Transform;
 use crate::scene::{Material, Mesh, NormalMap};
-use glam::{Affine2, DAffine3, DMat3, DVec3, Vec2, Vec3};
-use std::path::PathBuf;
+use glam::{Affine2, DAffine3, DMat3, DVec3, DVec4, Vec2, Vec3};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Identifies the meshes of a shape.
@@ -36,6 +37,8 @@ enum ShapeSource {
     },
     /// A file, and the index of the shape in it.
     File(PathBuf, usize),
+    /// A file of curves, and the bits of the factor of their radii.
+    Curves(PathBuf, CurveBasis, u64),
 }
 
 /// The meshes of a shape, and whether its file has normals.
@@ -82,6 +85,14 @@ impl SceneReader<'_> {
             (None, "serialized") => {
                 let index = object.float_in("shape_index", 0.0, [0.0, 1e9])? as usize;
                 (ShapeSource::File(object.file()?, index), DAffine3::IDENTITY)
+            }
+            (None, "bsplinecurve" | "linearcurve") => {
+                let is_linear = object.kind() == "linearcurve";
+                let basis = if is_linear { CurveBasis::Linear } else { CurveBasis::BSpline(3) };
+                // The transform of the shape does not apply to radii.
+                let scale = object.map("to_world")?.matrix3.determinant().abs().cbrt().recip();
+                let source = ShapeSource::Curves(object.file()?, basis, scale.to_bits());
+                (source, DAffine3::IDENTITY)
             }
             (None, other) => {
                 let phrase = format!("left out shapes of type `{other}`:");
@@ -249,6 +260,9 @@ fn read(object: &Object, key: &MeshKey, obj_files: &mut ObjFiles) -> Result<(Vec
     let (path, index) = match &key.source {
         ShapeSource::Formula { shape, is_lamp } => return Ok((vec![shape.mesh(*is_lamp)], true)),
         ShapeSource::File(path, index) => (path, *index),
+        ShapeSource::Curves(path, basis, scale) => {
+            return Ok((vec![curves(object, path, *basis, f64::from_bits(*scale))?], true));
+        }
     };
     let (mut meshes, mut is_flat) = (Vec::new(), key.is_flat);
     match object.kind() {
@@ -277,6 +291,31 @@ fn read(object: &Object, key: &MeshKey, obj_files: &mut ObjFiles) -> Result<(Vec
         }
     }
     Ok((meshes, has_normals))
+}
+
+/// The curves of a file, which has a line of a position and a radius for each control point, and empty lines between
+/// curves.
+fn curves(object: &Object, path: &Path, basis: CurveBasis, scale: f64) -> Result<Mesh> {
+    let text = std::fs::read_to_string(path).map_err(|problem| {
+        Error::new(format!("the curves cannot be read: {problem}"), "check the file").at(path)
+    })?;
+    let mut mesh = Mesh::default();
+    let mut points: Vec<DVec4> = Vec::new();
+    for (number, line) in text.lines().chain([""]).enumerate() {
+        if !line.trim().is_empty() {
+            let numbers: Vec<f64> = line.split_whitespace().map_while(|w| w.parse().ok()).collect();
+            let [x, y, z, radius] = numbers[..] else {
+                let problem = format!("line {} of its file is not four numbers", number + 1);
+                return Err(object.error(problem, "give a position and a radius"));
+            };
+            points.push(DVec4::new(x, y, z, radius));
+            continue;
+        }
+        add_tube(&mut mesh, &points, basis, |radius, _| radius * scale);
+        points.clear();
+    }
+    remove_empty(&mut mesh);
+    Ok(mesh)
 }
 
 /// Sets each vertex's normal to the mean of those of its triangles, weighted by their angles at the

@@ -97,16 +97,16 @@ impl Paints {
         self.mean(object, name, ColorUse::Share, default)
     }
 
-    /// A picture of numbers instead of colors: the texture, as it is stored.
-    pub fn data(&mut self, object: &Object) -> Result<(Arc<Texture>, Affine2)> {
+    /// A picture of numbers instead of colors: the texture, as it is stored; `None` for textures that are no pictures.
+    pub fn data(&mut self, object: &Object) -> Result<Option<(Arc<Texture>, Affine2)>> {
         if object.kind() != "bitmap" {
-            let advice = "use <texture type=\"bitmap\">";
-            return Err(object.error("only a bitmap is supported here", advice));
+            self.skipped("left out the normals or bumps by", object);
+            return Ok(None);
         }
         let sampling = sampling(object)?;
         let (_, texture) = self.read(&object.file()?, false)?;
         let _ = object.boolean("raw")?;
-        Ok((Arc::new(texture.sampled(sampling)), to_uv(object)?))
+        Ok(Some((Arc::new(texture.sampled(sampling)), to_uv(object)?)))
     }
 
     fn bitmap(&mut self, object: &Object) -> Result<Paint> {

@@ -18,6 +18,7 @@ mod textures;
 mod tokens;
 
 use super::builder::{Builder, SceneExtras};
+use super::curves;
 use super::instancing::MaterialMesh;
 use super::load::{LoadOptions, Loaded};
 use super::text::{list, placed_at};
@@ -64,6 +65,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         shapes: Vec::new(),
         lights: Vec::new(),
         uses: Vec::new(),
+        has_media: false,
     };
     let finished = reader.read(path).and_then(|()| reader.finish(options));
     finished.map_err(|error| placed_at(error, path))
@@ -103,6 +105,8 @@ struct SceneReader<'a> {
     lights: Vec<(Params, DAffine3, ColorSpace)>,
     /// Uses of objects: their name and transform.
     uses: Vec<(String, Params, DAffine3)>,
+    /// Whether a shape bounds a medium.
+    has_media: bool,
 }
 
 /// A mesh in its own space with its material.
@@ -147,16 +151,42 @@ impl SceneReader<'_> {
             }
             self.warn_of_unused(&params);
         }
+        let mut hair: Option<(Part, PlacedShape)> = None;
         for shape in std::mem::take(&mut self.shapes) {
-            let parts = self.parts(&shape, true)?;
+            let mut parts = self.parts(&shape, true)?;
+            // Files have a shape for each hair: those of one material become one mesh.
+            if shape.params.kind == "curve" && parts.len() == 1 {
+                let own = parts.remove(0);
+                match &mut hair {
+                    Some((all, first))
+                        if all.material == own.material && first.map == shape.map =>
+                    {
+                        curves::join(&mut all.mesh, &own.mesh);
+                    }
+                    _ => self.place_curves(hair.replace((own, shape)), world)?,
+                }
+                continue;
+            }
             for Part { mesh, material } in parts {
                 let name = mesh.name.clone();
                 let part = MaterialMesh { mesh: Arc::new(mesh), material };
                 self.place(&name, &[part], world * shape.map, &shape.params)?;
             }
         }
+        self.place_curves(hair, world)?;
         self.place_objects(world)?;
+        if self.has_media && self.builder.is_empty() {
+            let problem = "the scene has only participating media, which are not supported";
+            return Err(Error::new(problem, "add surfaces").at(self.path));
+        }
         self.build(options, world, emitters, environment)
+    }
+
+    /// Places the mesh of joined curves, if there is one.
+    fn place_curves(&mut self, hair: Option<(Part, PlacedShape)>, world: DAffine3) -> Result<()> {
+        let Some((Part { mesh, material }, shape)) = hair else { return Ok(()) };
+        let parts = [MaterialMesh { mesh: Arc::new(mesh), material }];
+        self.place("curves", &parts, world * shape.map, &shape.params)
     }
 
     /// Places all uses of objects.
@@ -207,6 +237,7 @@ impl SceneReader<'_> {
     fn parts(&mut self, shape: &PlacedShape, may_emit: bool) -> Result<Vec<Part>> {
         let PlacedShape { params, map, state } = shape;
         if state.has_medium {
+            self.has_media = true;
             self.textures.warnings.skipped("left out participating media inside of", &params.kind);
         }
         let lamp = state.area_light.clone().filter(|_| may_emit);

@@ -6,10 +6,11 @@ use super::params::Params;
 use super::subdivision;
 use super::textures::Textures;
 use crate::base::error::Result;
+use crate::import::curves::{self, CurveBasis};
 use crate::import::mitsuba::analytic::{area, grid};
 use crate::import::ply::{self, VDirection};
 use crate::scene::Mesh;
-use glam::{Vec2, Vec3};
+use glam::{DVec4, Vec2, Vec3};
 use std::f32::consts::TAU;
 
 /// Steps around a round shape. Lamps have fewer, because each of their triangles is a light.
@@ -52,14 +53,13 @@ pub(super) fn mesh(
             mesh.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             mesh
         }
-        "curve" => {
-            textures.warnings.skipped("left out shapes of type `curve`:", "hair and fur");
-            return Ok(None);
-        }
+        "curve" => match curve(params)? {
+            Some(mesh) => mesh,
+            None => return Ok(None),
+        },
         other => {
             let problem = format!("shapes of type `{other}` are unknown");
-            let advice =
-                "use sphere, disk, cylinder, trianglemesh, bilinearmesh, loopsubdiv or plymesh";
+            let advice = "use sphere, disk, cylinder, trianglemesh, bilinearmesh, loopsubdiv, plymesh or curve";
             return Err(params.location.error(problem, advice));
         }
     };
@@ -89,6 +89,36 @@ fn face_normals(mesh: &mut Mesh) {
             corners.swap(1, 2);
         }
     }
+}
+
+/// A curve as a tube; `None` if it has no width. Ribbons and flat curves, which turn to the viewer, become tubes as well.
+fn curve(params: &Params) -> Result<Option<Mesh>> {
+    let degree = params.float_in("degree", 3.0, [2.0, 3.0])? as usize;
+    let basis = match params.text("basis")? {
+        None | Some("bezier") => CurveBasis::Bezier(degree),
+        Some("bspline") => CurveBasis::BSpline(degree),
+        Some(other) => {
+            let problem = format!("`basis` is `{other}`");
+            return Err(params.error(problem, "use bezier or bspline"));
+        }
+    };
+    let points: Vec<DVec4> =
+        params.points("P")?.iter().map(|point| point.as_dvec3().extend(0.0)).collect();
+    if basis.segments(points.len()).is_none() {
+        let problem = format!("{} control points do not fit its basis", points.len());
+        return Err(params.error(problem, "correct the list"));
+    }
+    let width = params.float_or("width", 1.0)?;
+    let ends = [params.float_or("width0", width)?, params.float_or("width1", width)?];
+    for part in ["type", "N", "splitdepth"] {
+        let _ = params.get(part);
+    }
+    let mut mesh = Mesh::default();
+    curves::add_tube(&mut mesh, &points, basis, |_, share| {
+        0.5 * (ends[0] + (ends[1] - ends[0]) * share)
+    });
+    curves::remove_empty(&mut mesh);
+    Ok((!mesh.triangles.is_empty()).then_some(mesh))
 }
 
 fn radius(params: &Params) -> Result<f32> {

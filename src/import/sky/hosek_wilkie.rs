@@ -82,6 +82,7 @@ impl HosekWilkie {
     }
 
     /// Radiance from a unit direction, W/(m^2 sr); 0 from below the horizon. Channels outside the gamut become 0.
+    /// theory.md (19a).
     pub fn radiance(&self, direction: DVec3) -> Rgb {
         let cos_zenith = direction.y;
         if cos_zenith < 0.0 {

@@ -132,7 +132,7 @@ impl LuminanceDistribution {
     /// If there is no such sky: the diffuse irradiance is too small or too large.
     pub fn perez(diffuse: f64, direct: f64, sun: DVec3, eccentricity: f64) -> Result<Self> {
         let zenith = sun.y.clamp(0.0, 1.0).acos();
-        // Equations (1) and (2)
+        // Equations (1) and (2) of Perez et al.; theory.md (19c)
         let cubed = 1.041 * zenith.powi(3);
         let clearness = ((diffuse + direct) / diffuse + cubed) / (1.0 + cubed);
         let degrees = zenith.to_degrees();
@@ -184,6 +184,7 @@ impl LuminanceDistribution {
     }
 
     /// Radiance from a unit direction, W/(m^2 sr); 0 from below the horizon.
+    /// theory.md (19b).
     pub fn radiance(&self, direction: DVec3) -> f64 {
         if direction.y < 0.0 {
             return 0.0;

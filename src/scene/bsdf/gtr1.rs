@@ -13,7 +13,7 @@ pub(super) struct Gtr1 {
 
 impl Gtr1 {
     /// Density of normals `m` over the surface, 1/sr.
-    /// theory.md (99c), like the next functions.
+    /// theory.md (32c), like the next functions.
     #[inline]
     pub fn d(&self, m: Vec3) -> f32 {
         let alpha2 = self.alpha * self.alpha;

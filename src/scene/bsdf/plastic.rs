@@ -81,6 +81,7 @@ impl CoatMeans {
 
 /// Share of the light from a cosine that facets reflect or transmit and neighbors do not shadow: a mean over the
 /// facets that are visible from there. `eta` is the refractive index beyond over the one before.
+/// theory.md (31a).
 fn scattered_share(facets: &Facets, cos: f32, eta: f32, steps: u16, transmits: bool) -> f32 {
     let wo = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
     let middle = |i: u16| (f32::from(i) + 0.5) / f32::from(steps);
@@ -215,6 +216,7 @@ impl CoatOverBase for Plastic {
         self.tint * fresnel::dielectric(cos, self.eta).0
     }
 
+    /// theory.md (31a), (97).
     fn eval_coat(&self, wo: Vec3, wi: Vec3) -> Rgb {
         let m = (wo + wi).normalize();
         let once = self.facets.d(m) * self.facets.g2(wo, wi) / (4.0 * wo.z * wi.z);
@@ -230,6 +232,7 @@ impl CoatOverBase for Plastic {
         reflect(wo, self.facets.sample_visible(wo, rng.next_2d()))
     }
 
+    /// theory.md (31a).
     fn eval_base(&self, wo: Vec3, wi: Vec3) -> Rgb {
         self.base * (self.transmittance(wo.z) * self.transmittance(wi.z))
     }

@@ -192,7 +192,7 @@ impl Principled {
     }
 
     /// Schlick's weight of the reflectance at grazing incidence on a facet seen from the front.
-    /// theory.md (99b).
+    /// theory.md (32b).
     #[inline]
     fn schlick_weight(&self, cos: f32) -> f32 {
         if self.parameters.eta > 1.0 {
@@ -203,7 +203,7 @@ impl Principled {
     }
 
     /// Share of the light that a facet reflects and weight of what it transmits.
-    /// theory.md (99b).
+    /// theory.md (32b).
     fn facet_shares(&self, cos: f32, front: bool) -> (Rgb, Rgb) {
         let PrincipledParameters { base_color, metallic, spec_tint, eta, .. } = self.parameters;
         let (reflected, _) = fresnel::dielectric(cos, relative(eta, front));
@@ -271,7 +271,7 @@ impl Principled {
         facets + base + coat
     }
 
-    /// theory.md (99a), (29).
+    /// theory.md (32a), (29).
     fn eval_facets(&self, wo: Vec3, wi: Vec3, front: bool) -> Rgb {
         if wi.z <= 0.0 && !self.transmits() {
             return Rgb::ZERO;
@@ -292,7 +292,7 @@ impl Principled {
         COAT_NORMAL + (1.0 - COAT_NORMAL) * self.schlick_weight(cos)
     }
 
-    /// theory.md (99c).
+    /// theory.md (32c).
     fn eval_coat(&self, wo: Vec3, wi: Vec3) -> f32 {
         if !self.has_coat() {
             return 0.0;
@@ -302,7 +302,7 @@ impl Principled {
         0.25 * self.parameters.clearcoat * self.coat_fresnel(wo.dot(m)) * self.coat.d(m) * masking
     }
 
-    /// theory.md (99d), (99e).
+    /// theory.md (32d), (32e).
     fn eval_base(&self, wo: Vec3, wi: Vec3) -> Rgb {
         let PrincipledParameters { base_color, roughness, flatness, .. } = self.parameters;
         let half = wi.dot((wo + wi).normalize());
