@@ -58,6 +58,8 @@ class Judge:
         # Integrators of other versions are unknown; `path` is given on its own
         text = re.sub(r"<integrator\b[^>]*/>", "", text)
         text = re.sub(r"<integrator\b.*?</integrator>", "", text, flags=re.S)
+        # The filter of 0.6
+        text = text.replace('value="trilinear"', 'value="bilinear"').replace('value="ewa"', 'value="bilinear"')
         text = re.sub(r'(<rfilter\s+type=")\w+"', r'\1box"', text)
         config = mi.parser.ParserConfig(self.variant)
         config.unused_properties = mi.LogLevel.Debug
