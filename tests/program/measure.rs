@@ -38,10 +38,11 @@ fn meters(folder: &Path) -> String {
 #[test]
 fn measurement_reaches_its_target_and_states_units() {
     let folder = tempfile::tempdir().unwrap();
-    let (meters, csv) = (meters(folder.path()), folder.path().join("a.csv"));
-    let csv = csv.to_string_lossy();
-    let output =
-        measure(&[OFFICE, "--meters", &meters, "--target-error", "20%", "--csv", &csv, "--json"]);
+    let at = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let (meters, csv, page, maps) = (meters(folder.path()), at("a.csv"), at("a.html"), at("maps"));
+    let more = ["--csv", &csv, "--report", &page, "--maps", &maps, "--json"];
+    let target = ["--meters", &meters, "--target-error", "20%"];
+    let output = measure(&[&[OFFICE][..], &target, &more].concat());
     let report = json(&output);
     assert_eq!(report["reached"], true, "{report}");
     let [plane, cone] = [0, 1].map(|index| &report["meters"][index]);
@@ -62,9 +63,18 @@ fn measurement_reaches_its_target_and_states_units() {
     // Three panels of 3600 lm over 24 m^2.
     assert!((150.0..600.0).contains(&mean), "{mean}");
     assert!(number(&plane["uniformity"]) < 1.0);
-    let table = std::fs::read_to_string(&*csv).unwrap();
+    let table = std::fs::read_to_string(csv).unwrap();
     assert_eq!(table.lines().count(), 1 + 8 + 1, "{table}");
     assert!(table.lines().nth(1).unwrap().starts_with("plane,0,0,all,lx,"), "{table}");
+    crate::common::html::assert_whole(&std::fs::read_to_string(page).unwrap());
+    let map = bdpm::image_io::read_exr(&Path::new(&maps).join("plane.exr")).unwrap();
+    let values = map.layer("").unwrap().channel("Y").unwrap();
+    for (value, reading) in values.iter().zip(readings) {
+        assert!((f64::from(*value) / number(&reading["value"]) - 1.0).abs() < 1e-6, "{reading}");
+    }
+    assert!(
+        ["png", "svg"].iter().all(|end| Path::new(&maps).join(format!("plane.{end}")).exists())
+    );
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 mod csv;
 mod digits;
+mod maps;
 mod page;
 mod report;
 mod text;
@@ -44,6 +45,9 @@ pub struct Args {
     /// Write one row per meter to this file
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
+    /// Write a false-color PNG, isolines and an EXR of each grid to this folder
+    #[arg(long, value_name = "FOLDER")]
+    maps: Option<PathBuf>,
     /// Write a page with tables and maps to this file
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
@@ -79,6 +83,9 @@ pub fn run(args: &Args) -> Result<String> {
     })?;
     if let Some(path) = &args.csv {
         csv::write(path, &measurement)?;
+    }
+    if let Some(folder) = &args.maps {
+        maps::write(folder, &measurement)?;
     }
     if let Some(path) = &args.report {
         page::write(path, &input.loaded.scene.name, &measurement)?;
