@@ -1,12 +1,20 @@
+#!/usr/bin/env python3
 """Illuminance grids in five rooms, by `bdpm measure` and by `rtrace -I` of Radiance.
 
 Each room is written twice, as a scene file and as a Radiance scene, from the same list of polygons. All reflectances are
-gray and diffuse. `radiance_check.py rooms` runs the comparison.
+gray and diffuse. The result is 0 if both agree in all rooms.
+
+    python3 -m venv VENV && VENV/bin/pip install pyradiance==1.3.1 numpy
+    VENV/bin/python scripts/radiance_rooms.py                # all rooms
+    VENV/bin/python scripts/radiance_rooms.py office window  # some of them
+
+The program is target/release/bdpm, or the one that the environment variable BDPM names.
 """
 
 import json
 import os
 import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -16,6 +24,7 @@ import pyradiance
 
 FOLDER = Path(pyradiance.__file__).parent
 ROOT = Path(__file__).resolve().parent.parent
+BDPM = os.environ.get("BDPM", ROOT / "target/release/bdpm")
 # Lumens per watt of light of luminance 1, as docs/reference/scene-format.md defines it.
 EFFICACY = 683.0
 # Settings of rtrace: its defaults with one bounce, those of "accurate" and "very accurate" in the usual tables of its
@@ -25,7 +34,7 @@ SETTINGS = {
     "accurate": "-ab 2 -aa .15 -ar 128 -ad 512 -as 256 -dt .05 -dc .5 -ds .15".split(),
     "very accurate": "-ab 5 -aa .08 -ar 512 -ad 2048 -as 512 -dt 0 -dc 1 -ds .02 -lw 1e-4".split(),
 }
-REFERENCE = "-ab 10 -aa 0 -ad 3000 -as 0 -dt 0 -dc 1 -ds .01 -dj .7 -lw 1e-5".split()
+REFERENCE = "-ab 10 -aa 0 -ad 1500 -as 0 -dt 0 -dc 1 -ds .01 -dj .7 -lw 1e-5".split()
 
 
 def quad(material, corner, u, v):
@@ -208,7 +217,7 @@ def compare(program, only=None):
                     flush=True,
                 )
 
-            # Two runs at other points of the noise give the uncertainty of Radiance.
+            # Runs with other random numbers give the uncertainty of Radiance.
             runs = [by_radiance(folder, size, [*REFERENCE, "-u+"]) for _ in range(3)]
             values = np.array([own for own, _ in runs])
             spread = values.std(axis=0, ddof=1) / np.sqrt(len(runs))
@@ -227,3 +236,7 @@ def compare(program, only=None):
                 values, _, taken, technique = by_bdpm(program, folder, ["--time", f"{seconds:.2f}s"])
                 row(f"bdpm by {technique.split(',')[0]}", taken, values)
     return failures
+
+
+if __name__ == "__main__":
+    sys.exit(min(compare(BDPM, only=sys.argv[1:]), 1))
