@@ -24,7 +24,6 @@ pub fn all() -> Vec<(&'static str, Arc<Scene>)> {
         ("gloss-under-a-point", gloss_under_a_point()),
         ("pictures", pictures()),
         ("all-lights", all_lights()),
-        ("luminaires", luminaires()),
         ("window", window()),
     ];
     all.extend(balls().into_iter().map(|(name, bsdf)| (name, with_ball(bsdf))));
@@ -157,7 +156,7 @@ fn all_lights() -> Arc<Scene> {
 }
 
 /// A closed box with a block, under a point luminaire, a flat opening that shines up and down, and a lantern.
-fn luminaires() -> Arc<Scene> {
+pub fn luminaires() -> Arc<Scene> {
     let mut meshes = Vec::new();
     for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
         meshes.push(square(axis, -axis, 1.0, 0));
@@ -182,7 +181,7 @@ fn luminaires() -> Arc<Scene> {
     };
     let position = Vec3::new(-0.6, 0.3, 0.6);
     let point = PointLuminaire { position, aimed: aimed(0.4, 0.5) };
-    let panel = square(Vec3::new(0.4, -0.4, 0.6), Vec3::new(0.2, 0.0, 1.0), 0.15, 1);
+    let panel = square(Vec3::new(0.5, -0.5, 0.9), Vec3::new(0.2, 0.0, 1.0), 0.15, 1);
     let lantern = sphere(Vec3::new(0.5, 0.6, 0.3), 0.15, 1, false, 2);
     let with_opening = |aimed, mesh: &Mesh, is_flat| {
         let opening = LuminousOpening::new(aimed, mesh, is_flat);
