@@ -134,7 +134,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<LuminaireFile> {
     let lumens = fields.number("the luminous flux of the lamps")?;
     fields.skip(2)?;
     let watts = fields.number("the power of the lamps")?;
-    if !(lumens > 0.0) {
+    if lumens <= 0.0 {
         let problem = format!("the luminous flux of the lamps is {lumens}");
         return Err(fields.error(problem, "give a flux above 0: intensities are per 1000 lm"));
     }
