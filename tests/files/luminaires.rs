@@ -204,7 +204,7 @@ fn errors_name_file_and_line() {
     refused(ldt, replace("\r\n3\r\n4\r\n", "\r\n3\r\n7\r\n"), "quadrants.ldt:3: the symmetry is 7");
     refused(ldt, replace("3300", "none"), "quadrants.ldt:29: `none` stands for the luminous flux");
     refused(ldt, |text| text[..text.len() * 3 / 4].into(), "the file ends before");
-    refused(ldt, |text| text.replace("1200", "1e9"), ":21: the luminous area has a dimension");
+    refused(ldt, |text| text.replace("1200", "1e9"), ":21: the luminous opening has a dimension");
     refused(
         "none.ldt",
         replace("\r\n330\r\n", "\r\n10\r\n"),
