@@ -18,14 +18,14 @@ pub enum LightSource {
 impl Scene {
     /// All light sources with their names: `light 1` and so on, names of materials, and `environment`.
     pub fn light_sources(&self) -> Vec<(LightSource, String)> {
-        let lights = self.lights.emitters().len() - self.emitting.len();
-        let lights =
-            (0..lights).map(|index| (LightSource::Light(index), format!("light {}", index + 1)));
+        let lights = (0..self.lights_without_surface())
+            .map(|index| (LightSource::Light(index), format!("light {}", index + 1)));
         let is_used = |index: usize| {
             self.placements.iter().any(|placement| placement.material as usize == index)
         };
         let emits = |(index, material): &(usize, &Material)| {
-            material.emission != Rgb::ZERO && is_used(*index)
+            let emits = material.emission != Rgb::ZERO || material.luminous_opening.is_some();
+            emits && is_used(*index)
         };
         let materials = self
             .materials
@@ -38,13 +38,19 @@ impl Scene {
         lights.chain(materials).chain(environment).collect()
     }
 
+    /// Number of the lights without a surface, which are the first emitters.
+    fn lights_without_surface(&self) -> usize {
+        // A luminous opening is one emitter with many sides.
+        let first = self.emitting.iter().map(|(_, emitter)| *emitter as usize).min();
+        first.unwrap_or(self.lights.emitters().len())
+    }
+
     /// The scene with only these of its light sources. Geometry, and acceleration structures of it, are the same.
     ///
     /// # Errors
     /// As [`Self::new`].
     pub fn with_only(&self, sources: &[LightSource]) -> Result<Self> {
-        let lights =
-            self.lights.emitters().iter().take(self.lights.emitters().len() - self.emitting.len());
+        let lights = self.lights.emitters().iter().take(self.lights_without_surface());
         let lights = lights
             .enumerate()
             .filter(|(index, _)| sources.contains(&LightSource::Light(*index)))
@@ -54,7 +60,12 @@ impl Scene {
             if sources.contains(&LightSource::Material(index)) {
                 return material.clone();
             }
-            Material { emission: Rgb::ZERO, emission_texture: None, ..material.clone() }
+            Material {
+                emission: Rgb::ZERO,
+                emission_texture: None,
+                luminous_opening: None,
+                ..material.clone()
+            }
         };
         let arrangement =
             Arrangement { meshes: self.meshes.to_vec(), placements: self.placements.to_vec() };
