@@ -282,3 +282,32 @@ fn clear_pane_transmits_its_share_of_a_lamp() {
     // Both interfaces with all reflections in between, at nearly normal incidence: 2n/(n^2 + 1).
     Estimate { mean, error }.assert_is(open * 3.0 / 3.25, 1e-3);
 }
+
+#[test]
+fn scenes_with_only_some_of_their_lights_have_their_power() {
+    let panel = |x: f32, material: u32| square(Vec3::new(x, 0.0, 1.0), -Vec3::Z, 0.5, material);
+    let named = |name: &str, emission: f32| bdpm::scene::Material {
+        name: name.into(),
+        ..gray(0.2, emission)
+    };
+    let materials = vec![named("floor", 0.0), named("left", 2.0), named("right", 3.0)];
+    let meshes = vec![square(Vec3::ZERO, Vec3::Z, 3.0, 0), panel(-1.0, 1), panel(1.0, 2)];
+    let lights = vec![point_light(Vec3::Z, 5.0)];
+    let scene = scene(meshes, materials, lights, blind());
+    let scene = Scene::clone(&scene).with_environment(Environment::new(1, 1, vec![Vec3::ONE], 0.0));
+    let sources = scene.light_sources();
+    let names: Vec<&str> = sources.iter().map(|(_, name)| &name[..]).collect();
+    assert_eq!(names, ["light 1", "left", "right", "environment"]);
+    let power = |scene: &Scene| f64::from(scene.lights().power().x);
+    let alone: Vec<f64> = sources
+        .iter()
+        .map(|(source, _)| power(&scene.with_only(std::slice::from_ref(source)).unwrap()))
+        .collect();
+    for (alone, expected) in alone.iter().zip([4.0 * PI * 5.0, PI * 2.0, PI * 3.0]) {
+        assert!((alone / expected - 1.0).abs() < 1e-5, "{alone} {expected}");
+    }
+    let all = power(&scene);
+    assert!((alone.iter().sum::<f64>() / all - 1.0).abs() < 1e-5, "{alone:?} {all}");
+    let dark = scene.with_only(&[]).unwrap();
+    assert!(dark.lights().is_empty());
+}
