@@ -34,7 +34,7 @@ pub fn read_meters(path: &Path) -> Result<Vec<MeterSet>> {
 
 fn parse_csv(path: &Path, content: &str) -> Result<Vec<MeterSet>> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(content.as_bytes());
-    let header = reader.headers().map_err(|error| csv_error(&error).at(path))?.clone();
+    let header = reader.headers().map_err(|error| csv_error(path, &error))?.clone();
     let names: Vec<&str> = header.iter().collect();
     let has_opening = match &names[..] {
         [known @ .., last] if known == COLUMNS && *last == OPENING => true,
@@ -47,7 +47,7 @@ fn parse_csv(path: &Path, content: &str) -> Result<Vec<MeterSet>> {
     };
     let mut sets = Vec::new();
     for record in reader.records() {
-        let record = record.map_err(|error| csv_error(&error).at(path))?;
+        let record = record.map_err(|error| csv_error(path, &error))?;
         let line = record.position().map_or(0, |position| position.line() as usize);
         let row = || record.iter().collect::<Vec<_>>().join(",");
         let place = |error: Error| error.at(path).line(line, row());
@@ -81,12 +81,12 @@ fn set(record: &csv::StringRecord, has_opening: bool) -> Result<MeterSet> {
 }
 
 /// An error of the reader, with its line if it has one.
-fn csv_error(error: &csv::Error) -> Error {
+fn csv_error(path: &Path, error: &csv::Error) -> Error {
     let advice = "give each row as many fields as the header has";
-    let problem = format!("the table is not valid: {error}");
+    let problem = Error::new(format!("the table is not valid: {error}"), advice).at(path);
     match error.position() {
-        Some(position) => Error::new(problem, advice).line(position.line() as usize, ""),
-        None => Error::new(problem, advice),
+        Some(position) => problem.line(position.line() as usize, ""),
+        None => problem,
     }
 }
 
