@@ -1,6 +1,7 @@
 //! Meters: points in a scene whose illuminance or luminance is measured. They take the place of the camera: each is a
 //! pixel, whose camera paths start at it.
 
+use super::transform::normalized;
 use super::{Scene, View};
 use crate::accel::Ray;
 use crate::base::error::{Error, Result};
@@ -43,7 +44,7 @@ impl Meter {
     /// # Errors
     /// If the position is not finite, the direction has none, or the angle is not in [0, pi].
     pub fn radiance(position: Vec3, direction: Vec3, half_angle: f32) -> Result<Self> {
-        let normal = direction.normalize_or_zero();
+        let normal = normalized(direction);
         if !position.is_finite() || normal == Vec3::ZERO {
             let problem = format!("a meter is at {position} and faces {direction}");
             return Err(Error::new(
@@ -104,6 +105,8 @@ pub struct MeterSet {
     pub kind: MeterKind,
     /// Columns and rows of a grid; `[1, 1]` for a single meter.
     pub grid: [u32; 2],
+    /// Corner of a grid, and its edges along the columns and along the rows.
+    pub frame: Option<[Vec3; 3]>,
     /// Meters, row by row.
     pub meters: Vec<Meter>,
 }
@@ -111,7 +114,7 @@ pub struct MeterSet {
 impl MeterSet {
     /// A set of a single meter.
     pub fn single(name: impl Into<String>, kind: MeterKind, meter: Meter) -> Self {
-        Self { name: name.into(), kind, grid: [1, 1], meters: vec![meter] }
+        Self { name: name.into(), kind, grid: [1, 1], frame: None, meters: vec![meter] }
     }
 
     /// Irradiance in the centers of the cells of a parallelogram, which starts at `corner`. Columns follow the first
@@ -140,7 +143,8 @@ impl MeterSet {
             Meter::irradiance(corner + u * edges[0] + v * edges[1], normal)
         };
         let meters = (0..cells as u32).map(cell).collect::<Result<_>>()?;
-        Ok(Self { name: name.into(), kind: MeterKind::Irradiance, grid, meters })
+        let frame = Some([corner, edges[0], edges[1]]);
+        Ok(Self { name: name.into(), kind: MeterKind::Irradiance, grid, frame, meters })
     }
 
     /// Returns true if the set is a grid of several meters.

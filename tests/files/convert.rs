@@ -38,6 +38,7 @@ fn assert_kept(loaded: &Loaded) -> TempDir {
         assert_eq!(a.lights().emitters(), b.lights().emitters(), "{text}");
     }
     assert_eq!((&a.regions, &loaded.defaults), (&b.regions, &again.defaults), "{text}");
+    assert_eq!(loaded.meters, again.meters, "{text}");
     for (a, b) in a.copies().iter().zip(b.copies()) {
         assert_eq!((&a.normals, &a.uvs), (&b.normals, &b.uvs), "{}", a.name);
         assert_eq!(bits(&a.normals), bits(&b.normals), "{}", a.name);

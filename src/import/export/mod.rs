@@ -36,7 +36,7 @@ pub struct Exported {
 /// If a file exists and must not be replaced, if this process has read it, or if a file cannot be
 /// written. In the last case some files may have been written.
 pub fn export(loaded: &Loaded, origin: &str, folder: &Path, replace: bool) -> Result<Exported> {
-    let Loaded { scene, defaults, .. } = loaded;
+    let Loaded { scene, defaults, meters, .. } = loaded;
     let mut warnings = Vec::new();
     let materials = MaterialTables::new(scene.materials());
     let mut textures = TextureFiles::default();
@@ -52,6 +52,7 @@ pub fn export(loaded: &Loaded, origin: &str, folder: &Path, replace: bool) -> Re
     text += &tables::lights(scene.lights().emitters(), &mut warnings);
     text += &materials.tables(&mut textures)?;
     text += &meshes.tables(&materials, &mut warnings);
+    text += &tables::meters(meters);
 
     let mut out = ExportFolder::new(folder, replace);
     out.plan("scene.toml");

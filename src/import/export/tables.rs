@@ -5,7 +5,9 @@ use super::numbers::{color, inverse, number, point, unnormalized};
 use crate::base::error::{Error, Result};
 use crate::import::warnings::Warning;
 use crate::scene::transform::MAX_COORDINATE;
-use crate::scene::{Camera, Emitter, Environment, Extent, FieldOfView, Optics, Region, Spot};
+use crate::scene::{
+    Camera, Emitter, Environment, Extent, FieldOfView, MeterKind, MeterSet, Optics, Region, Spot,
+};
 use crate::settings::PartialSettings;
 use glam::Vec3;
 use std::fmt::Write;
@@ -101,6 +103,41 @@ pub(super) fn regions(regions: &[Region]) -> String {
         let _ = writeln!(text, "{name} = [{}]", rectangles.join(", "));
     }
     if text.is_empty() { text } else { format!("\n[regions]\n{text}") }
+}
+
+/// `[[meter]]` tables.
+pub(super) fn meters(sets: &[MeterSet]) -> String {
+    let mut text = String::new();
+    for MeterSet { name, kind, grid, frame, meters } in sets {
+        let Some(meter) = meters.first() else { continue };
+        let axis = point(unnormalized(meter.normal));
+        let name = toml::Value::String(name.clone());
+        let keys = match (frame, kind) {
+            (Some([corner, first, second]), _) => format!(
+                "corner = {}\nedges = [{}, {}]\ncolumns = {}\nrows = {}\nnormal = {axis}\n",
+                point(*corner),
+                point(*first),
+                point(*second),
+                grid[0],
+                grid[1]
+            ),
+            (None, MeterKind::Irradiance) => {
+                format!("position = {}\nnormal = {axis}\n", point(meter.position))
+            }
+            (None, MeterKind::Radiance) => {
+                let half = meter.half_angle;
+                let guess = 2.0 * half.to_degrees();
+                let opening = inverse(half, guess, |degrees| (0.5 * degrees).to_radians());
+                format!(
+                    "position = {}\ndirection = {axis}\nopening_deg = {}\n",
+                    point(meter.position),
+                    number(opening.unwrap_or(guess))
+                )
+            }
+        };
+        let _ = write!(text, "\n[[meter]]\nname = {name}\n{keys}");
+    }
+    text
 }
 
 /// Whether the environment is constant, so that it needs no file.
