@@ -9,7 +9,7 @@ pub const LUMENS_PER_WATT: f64 = 683.0;
 /// Quantile of the normal distribution of a two-sided probability of 95 %.
 const NORMAL_95: f64 = 1.959_964;
 
-/// Value of a meter and its uncertainty, in the [unit](unit) of its kind.
+/// Value of a meter and its uncertainty, in the [unit](unit()) of its kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Reading {
     /// Estimate of the quantity.

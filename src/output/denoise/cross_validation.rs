@@ -107,7 +107,7 @@ impl CrossValidation {
     }
 
     /// Estimate of the squared error of a pixel of the image that is denoised from all samples: the error from
-    /// `(n-1)/n` of them, minus [`Self::excess_noise`].
+    /// `(n-1)/n` of them, minus the excess noise of the images `D_-i`.
     pub fn squared(&self, pixel: usize) -> f64 {
         self.squared_without_one_fold(pixel) - self.excess_noise(pixel)
     }
