@@ -112,7 +112,7 @@ def test_environment_replaces_that_of_a_file(tmp_path: Path) -> None:
     assert abs(image.max() - 1) < 0.5 and 0.4 < inside <= 1.0
 
 
-def test_camera_of_a_file_can_be_moved_and_taken_from_another():
+def test_camera_of_a_file_can_be_moved_and_taken_from_another() -> None:
     box = "scenes/cornell-box"
     same = [bdpm.load(box, look_at=((0, 1, 5), (0, 1, 0), (0, 1, 0)), fov=30) for _ in range(2)]
     images = [bdpm.render(scene, iterations=1, resolution=(8, 8), seed=3).image for scene in [*same, bdpm.load(box)]]
