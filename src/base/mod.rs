@@ -5,6 +5,7 @@ pub mod error;
 pub mod file_id;
 pub mod input;
 pub mod math;
+pub mod names;
 pub(crate) mod memory;
 pub mod iteration_set;
 pub mod photometry;

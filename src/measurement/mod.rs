@@ -11,7 +11,7 @@
 mod mean_series;
 mod reading;
 
-pub use reading::{LUMENS_PER_WATT, Reading, quantity, student_95, unit};
+pub use reading::{Reading, quantity, student_95, unit};
 
 use crate::accel::Intersect;
 use crate::adaptive::stopping::{Convergence, Stop, importance};
@@ -21,7 +21,8 @@ use crate::film::radiance::luminance;
 use crate::import::Loaded;
 use crate::job::{Event, RenderJob, RenderResult, RenderState};
 use crate::scene::backend::{self, Backend};
-use crate::scene::{LightSource, MeterKind, MeterSet, Scene};
+use crate::scene::bsdf::Lobe;
+use crate::scene::{Emitter, LightSource, MeterKind, MeterSet, Placement, Scene};
 use crate::settings::PartialSettings;
 use mean_series::MeanSeries;
 use rayon::ThreadPool;
@@ -94,8 +95,10 @@ pub struct Measurement {
     pub reached: bool,
     /// Wall-clock time.
     pub time: Duration,
-    /// Chosen technique and path counts, for each render job.
+    /// Group of lights, quantity, chosen technique and path counts of each render job.
     pub techniques: Vec<String>,
+    /// Light that the measurement cannot include.
+    pub warnings: Vec<String>,
 }
 
 /// Readings of a set of meters.
@@ -247,6 +250,7 @@ impl MeasureJob {
             reached: true,
             time: Duration::ZERO,
             techniques: Vec::new(),
+            warnings: missing_light(&self.loaded.scene).into_iter().collect(),
         };
         for (number, (name, scene)) in (0..).zip(&groups) {
             for (kind_number, kind) in (0..).zip(&kinds) {
@@ -265,7 +269,7 @@ impl MeasureJob {
                 let of_kind =
                     OneKind { job: &self, scene, accel: &accel, kind: *kind, sets: &sets };
                 let (readings, technique) = of_kind.run(target, time, &mut watched)?;
-                measurement.techniques.push(technique);
+                measurement.techniques.push(format!("{name}, {}: {technique}", quantity(*kind)));
                 for ((index, _), (readings, mean)) in sets.iter().zip(readings) {
                     measurement.sets[*index].add_group(name, readings, mean);
                 }
@@ -301,6 +305,18 @@ impl MeasureJob {
         };
         groups.into_iter().map(only).collect()
     }
+}
+
+/// A warning if light of points, spots or parallel light can reach meters by mirrors or through glass alone: no photons
+/// are merged at meters, and camera paths cannot hit such lights.
+fn missing_light(scene: &Scene) -> Option<String> {
+    let is_delta = scene.lights().emitters().iter().any(Emitter::is_delta);
+    let passes = |placement: &Placement| {
+        let bsdf = &scene.materials()[placement.material as usize].bsdf;
+        bsdf.passes_through() && bsdf.spread() != Some(Lobe::Rough)
+    };
+    let text = "light of points, spots and suns that reaches a meter only by mirrors or through glass is missing";
+    (is_delta && scene.placements().iter().any(passes)).then(|| text.to_owned())
 }
 
 fn empty_readings(set: &MeterSet) -> SetReadings {

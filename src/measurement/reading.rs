@@ -1,10 +1,8 @@
 //! The reading of a meter with its uncertainty.
 
+use crate::base::photometry::LUMENS_PER_WATT;
 use crate::scene::MeterKind;
 use serde::Serialize;
-
-/// Lumens per watt of light of luminance 1 in linear Rec. 709: the efficacy at 555 nm.
-pub const LUMENS_PER_WATT: f64 = 683.0;
 
 /// Quantile of the normal distribution of a two-sided probability of 95 %.
 const NORMAL_95: f64 = 1.959_964;
@@ -28,8 +26,8 @@ impl Reading {
     /// A reading from the mean of this number of samples, in radiometric units, with the noise and the bias that its
     /// mean has. The interval has a probability of 95 %.
     pub fn new(value: f64, variance: f64, relative_bias: f64, direct: f64, samples: f64) -> Self {
-        let [value, noise, direct] =
-            [value, variance.max(0.0).sqrt(), direct].map(|watts| watts * LUMENS_PER_WATT);
+        let [value, noise, direct] = [value, variance.max(0.0).sqrt(), direct]
+            .map(|watts| watts * f64::from(LUMENS_PER_WATT));
         let bias = relative_bias * value;
         Self { value, noise, bias, expanded: student_95(samples - 1.0) * noise + bias, direct }
     }
@@ -106,13 +104,14 @@ mod tests {
 
     #[test]
     fn independent_readings_add_variances_and_biases() {
+        let lumens = f64::from(LUMENS_PER_WATT);
         let one = Reading::new(1.0, 9e-6, 0.01, 0.5, 1e6);
         let other = Reading::new(2.0, 16e-6, 0.0, 0.5, 1e6);
         let sum = one.plus(&other);
-        assert!((sum.value / LUMENS_PER_WATT - 3.0).abs() < 1e-9);
-        assert!((sum.noise / LUMENS_PER_WATT - 5e-3).abs() < 1e-9);
-        assert!((sum.bias / LUMENS_PER_WATT - 0.01).abs() < 1e-9);
+        assert!((sum.value / lumens - 3.0).abs() < 1e-9);
+        assert!((sum.noise / lumens - 5e-3).abs() < 1e-9);
+        assert!((sum.bias / lumens - 0.01).abs() < 1e-9);
         assert!((sum.expanded - 1.96 * sum.noise - sum.bias).abs() < 1e-3 * sum.noise);
-        assert!((sum.indirect() / LUMENS_PER_WATT - 2.0).abs() < 1e-9);
+        assert!((sum.indirect() / lumens - 2.0).abs() < 1e-9);
     }
 }

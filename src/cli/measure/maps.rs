@@ -1,34 +1,45 @@
 //! Maps of grids of meters: false colors, isolines and an EXR image of all numbers.
 
 use super::digits::digits;
+use crate::cli::outputs::Attempts;
 use bdpm::Measurement;
 use bdpm::base::atomic::write_atomically;
-use bdpm::base::error::{Error, Result};
+use bdpm::base::names::{Names, for_file};
 use bdpm::image_io::{Image, Layer, Value, write_exr};
 use bdpm::measurement::{Reading, SetReadings, quantity};
 use bdpm::output::false_color::{ColorScale, FalseColorMap, ValueGrid};
 use bdpm::output::isolines::isolines_svg;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Width of a cell in the drawing of isolines.
 const CELL: f64 = 20.0;
 
-/// Writes `NAME.png`, `NAME.svg` and `NAME.exr` for each grid to a folder, which is created.
-pub fn write(folder: &Path, measurement: &Measurement) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|error| Error::io("create", folder, error))?;
-    for set in measurement.sets.iter().filter(|set| set.readings.len() > 1) {
-        let path = folder.join(file_stem(&set.name));
+/// Extensions of the files of a grid.
+pub const EXTENSIONS: [&str; 3] = ["png", "svg", "exr"];
+
+/// Paths in a folder for the files of each grid among sets of these names and numbers of meters, without extensions.
+pub fn paths<'a>(folder: &Path, sets: impl Iterator<Item = (&'a str, usize)>) -> Vec<PathBuf> {
+    let mut names = Names::default();
+    let grids = sets.filter(|(_, meters)| *meters > 1);
+    grids.map(|(name, _)| folder.join(names.unique(for_file(name, "meters")))).collect()
+}
+
+/// Writes a map in false colors, isolines and an EXR image for each grid.
+pub fn write(folder: &Path, measurement: &Measurement, attempts: &mut Attempts) {
+    let sets = || measurement.sets.iter();
+    let paths = paths(folder, sets().map(|set| (&set.name[..], set.readings.len())));
+    for (set, path) in sets().filter(|set| set.readings.len() > 1).zip(paths) {
         let values: Vec<f64> = set.readings.iter().map(|reading| reading.value).collect();
         let grid = ValueGrid::new(set.grid[0], set.grid[1], &values);
         let scale = ColorScale::linear(grid);
         let captions = captions(set);
         let map = FalseColorMap { grid, scale, unit: set.unit(), captions: &captions };
-        map.write_png(&path.with_extension("png"))?;
         let svg = isolines_svg(grid, &scale.ticks(), set.unit(), CELL);
-        write_atomically(&path.with_extension("svg"), |file| file.write_all(svg.as_bytes()))?;
-        write_exr(&path.with_extension("exr"), &image(set))?;
+        let [png, lines, exr] = EXTENSIONS.map(|extension| path.with_extension(extension));
+        attempts.add(&png, || map.write_png(&png));
+        attempts.add(&lines, || write_atomically(&lines, |file| file.write_all(svg.as_bytes())));
+        attempts.add(&exr, || write_exr(&exr, &image(set)));
     }
-    Ok(())
 }
 
 fn captions(set: &SetReadings) -> Vec<String> {
@@ -59,9 +70,14 @@ fn image(set: &SetReadings) -> Image {
     Image { width: set.grid[0], height: set.grid[1], layers, metadata: metadata.into() }
 }
 
-/// The name of a set as a file name: letters, digits and hyphens.
-fn file_stem(name: &str) -> String {
-    let kept = |c: char| if c.is_alphanumeric() { c } else { '-' };
-    let stem: String = name.to_lowercase().chars().map(kept).collect();
-    if stem.is_empty() { "meters".into() } else { stem }
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grids_of_one_name_have_files_of_their_own() {
+        let sets = [("Desk 1", 4), ("point", 1), ("desk-1", 9), ("/", 2)];
+        let paths = paths(Path::new("a"), sets.into_iter());
+        assert_eq!(paths, ["a/Desk-1", "a/desk-1-2", "a/meters"].map(PathBuf::from));
+    }
 }

@@ -8,25 +8,40 @@ mod report;
 mod text;
 
 use super::interrupts::catch_interrupts;
-use super::progress::Progress;
+use super::outputs::{self, Attempts, Output};
+use super::progress::{Progress, ProgressFormat};
 use super::render::share;
 use super::scene_input::{SceneInput, SessionArgs};
 use super::settings_args::with_chosen_default;
-use super::{human_time, json, say};
+use super::{human_time, json, print, say};
 use bdpm::MeasureJob;
 use bdpm::base::error::{Error, Result};
 use bdpm::import::read_meters;
 use bdpm::measurement::MeasureProgress;
+use bdpm::scene::MeterSet;
+use clap::Arg;
 use report::MeasureReport;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Time between two lines about the progress.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
+/// Time between two JSON objects about the progress.
+const OBJECT_EVERY: Duration = Duration::from_millis(500);
+
+/// Options for images, which a measurement does not have.
+const IMAGE_OPTIONS: [&str; 5] = ["resolution", "camera", "look_at", "fov", "camera_from"];
+
+/// Hides the options for images in help texts.
+fn without_image_options(option: Arg) -> Arg {
+    let is_hidden = IMAGE_OPTIONS.contains(&option.get_id().as_str());
+    if is_hidden { option.hide(true) } else { option }
+}
+
 #[derive(clap::Args)]
-#[command(mut_args(with_chosen_default))]
+#[command(mut_args(with_chosen_default), mut_args(without_image_options))]
 pub struct Args {
     #[command(flatten)]
     session: SessionArgs,
@@ -55,9 +70,30 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<String> {
     let session = &args.session;
+    if session.scene.settings.resolution.is_some() {
+        let problem = "a measurement has no resolution";
+        return Err(Error::new(problem, "remove --resolution; grids have `columns` and `rows`"));
+    }
+    // Check the files before any work is done.
+    let mut files = Vec::new();
+    for (what, path, extension) in [("--csv", &args.csv, "csv"), ("--report", &args.report, "html")]
+    {
+        files.extend(path.as_ref().map(|path| Output::new(what, path, Some(extension))));
+    }
+    outputs::check(&files)?;
     let input = SceneInput::load(session)?;
+    let sets = match &args.meters {
+        Some(path) => read_meters(path)?,
+        None => input.loaded.meters.clone(),
+    };
+    let map_files = map_files(args.maps.as_deref(), &sets)?;
+    files.extend(map_files.iter().map(|path| Output::new("--maps", path, None)));
+    outputs::check(&files)?;
+    outputs::spare_inputs(&files)?;
     let interrupted = catch_interrupts(Progress::new(session.progress_format()))?;
-    let mut job = MeasureJob::new(&input.loaded)
+    let mut last_shown = Duration::ZERO;
+    let measurement = MeasureJob::new(&input.loaded)
+        .meters(sets)
         .settings((&session.scene.settings).into())
         .target(args.target_error)
         .time(session.time)
@@ -65,33 +101,67 @@ pub fn run(args: &Args) -> Result<String> {
         .by_light(args.by_light)
         .backend(session.scene.accel.unwrap_or_default())
         .threads(input.threads.clone())
-        .interrupted_by(interrupted);
-    if let Some(path) = &args.meters {
-        job = job.meters(read_meters(path)?);
+        .interrupted_by(interrupted)
+        .run(|progress| {
+            show(&progress, session.progress_format(), &mut last_shown);
+            ControlFlow::Continue(())
+        })?;
+    if !session.quiet {
+        measurement.warnings.iter().for_each(|warning| say(&format!("note: {warning}")));
     }
-    if session.scene.settings.resolution.is_some() {
-        let problem = "a measurement has no resolution";
-        return Err(Error::new(problem, "remove --resolution; grids have `columns` and `rows`"));
-    }
-    let mut last_line = Duration::ZERO;
-    let measurement = job.run(|progress| {
-        if !session.quiet && progress.elapsed >= last_line + LINE_EVERY {
-            last_line = progress.elapsed;
-            say(&progress_line(&progress));
-        }
-        ControlFlow::Continue(())
-    })?;
+    let scene = &input.loaded.scene.name;
+    let mut attempts = Attempts::default();
     if let Some(path) = &args.csv {
-        csv::write(path, &measurement)?;
-    }
-    if let Some(folder) = &args.maps {
-        maps::write(folder, &measurement)?;
+        attempts.add(path, || csv::write(path, &measurement));
     }
     if let Some(path) = &args.report {
-        page::write(path, &input.loaded.scene.name, &measurement)?;
+        attempts.add(path, || page::write(path, scene, &measurement));
     }
-    let report = MeasureReport::new(&input.loaded.scene.name, args.target_error, &measurement);
-    Ok(if session.scene.json { json(&report) } else { text::text(&measurement) })
+    if let Some(folder) = &args.maps {
+        maps::write(folder, &measurement, &mut attempts);
+    }
+    let report = MeasureReport::new(scene, args.target_error, &measurement);
+    let readings = if session.scene.json { json(&report) } else { text::text(&measurement) };
+    if let Err(error) = attempts.finish() {
+        // The readings are printed even if a file cannot be written.
+        print(&readings)?;
+        return Err(error);
+    }
+    Ok(readings)
+}
+
+/// Files of `--maps` for these sets. Creates the folder.
+fn map_files(folder: Option<&Path>, sets: &[MeterSet]) -> Result<Vec<PathBuf>> {
+    let Some(folder) = folder else { return Ok(Vec::new()) };
+    std::fs::create_dir_all(folder).map_err(|error| Error::io("create", folder, error))?;
+    let paths = maps::paths(folder, sets.iter().map(|set| (&set.name[..], set.meters.len())));
+    let files = paths
+        .iter()
+        .flat_map(|path| maps::EXTENSIONS.iter().map(|extension| path.with_extension(extension)));
+    Ok(files.collect())
+}
+
+/// Shows the progress, if enough time has passed since `last`.
+fn show(progress: &MeasureProgress, format: ProgressFormat, last: &mut Duration) {
+    let pause = if format == ProgressFormat::Json { OBJECT_EVERY } else { LINE_EVERY };
+    if format == ProgressFormat::Nothing || progress.elapsed < *last + pause {
+        return;
+    }
+    *last = progress.elapsed;
+    match format {
+        ProgressFormat::Json => say(&progress_object(progress).to_string()),
+        _ => say(&progress_line(progress)),
+    }
+}
+
+/// Progress as a JSON object: the uncertainty as a share, the time in seconds.
+fn progress_object(progress: &MeasureProgress) -> serde_json::Value {
+    serde_json::json!({
+        "lights": progress.group,
+        "iterations": progress.iterations,
+        "uncertainty": progress.worst,
+        "seconds": progress.elapsed.as_secs_f64(),
+    })
 }
 
 fn progress_line(progress: &MeasureProgress) -> String {

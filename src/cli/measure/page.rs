@@ -29,6 +29,7 @@ fn page(scene: &str, measurement: &Measurement) -> Markup {
                 "The true value is within the uncertainty of the value with a probability of 95 %. "
                 "The noise is one standard deviation. The bias is a bound."
             }
+            @for warning in &measurement.warnings { p { strong { "Note: " } (warning) "." } }
             (readings(measurement))
             @for set in measurement.sets.iter().filter(|set| set.readings.len() > 1) {
                 (maps(set))

@@ -15,8 +15,10 @@ pub struct MeasureReport<'a> {
     /// True if all meters reached the target.
     reached: bool,
     seconds: f64,
-    /// Technique and counts of each render job.
+    /// Group of lights, quantity, technique and counts of each render job.
     techniques: &'a [String],
+    /// Light that is missing.
+    notes: &'a [String],
     meters: Vec<SetReport<'a>>,
 }
 
@@ -68,6 +70,7 @@ impl<'a> MeasureReport<'a> {
             reached: measurement.reached,
             seconds: measurement.time.as_secs_f64(),
             techniques: &measurement.techniques,
+            notes: &measurement.warnings,
             meters: measurement.sets.iter().map(SetReport::new).collect(),
         }
     }

@@ -20,7 +20,7 @@ pub fn text(measurement: &Measurement) -> String {
         rows(&mut text, set, width);
     }
     for technique in &measurement.techniques {
-        writeln!(text, "by {technique}").expect(PLAIN);
+        writeln!(text, "{technique}").expect(PLAIN);
     }
     let time = human_time(measurement.time.as_secs_f64());
     let state = if measurement.reached { "" } else { "; the target was not reached" };

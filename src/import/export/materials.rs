@@ -1,10 +1,10 @@
 //! `[materials.NAME]`.
 
-use super::names::{Names, for_line};
 use super::numbers::{color, inverse, number, roughness};
 use super::textures::TextureFiles;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
+use crate::base::names::{Names, for_line};
 use crate::scene::Material;
 use crate::scene::bsdf::{Bsdf, FacetModel, Glossy, PrincipledParameters, Reflectance};
 use std::fmt::Write;

@@ -2,9 +2,9 @@
 
 use super::folder::ExportFolder;
 use super::materials::MaterialTables;
-use super::names::{Names, for_file, for_line};
 use super::numbers::unnormalized;
 use crate::base::error::Result;
+use crate::base::names::{Names, for_file, for_line};
 use crate::import::srgb::encode;
 use crate::import::text::list;
 use crate::import::warnings::Warning;

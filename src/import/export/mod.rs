@@ -6,7 +6,6 @@
 mod folder;
 mod materials;
 mod meshes;
-mod names;
 mod numbers;
 mod tables;
 mod textures;

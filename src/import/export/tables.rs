@@ -1,8 +1,8 @@
 //! The tables of a scene file besides meshes and materials.
 
-use super::names::for_line;
 use super::numbers::{color, inverse, number, point, unnormalized};
 use crate::base::error::{Error, Result};
+use crate::base::names::for_line;
 use crate::import::warnings::Warning;
 use crate::scene::transform::MAX_COORDINATE;
 use crate::scene::{

@@ -1,9 +1,9 @@
 //! TextureFiles: textures as PNG, each once, and the environment as EXR.
 
 use super::folder::ExportFolder;
-use super::names::{Names, for_file};
 use crate::base::error::Result;
 use crate::base::math::Rgb;
+use crate::base::names::{Names, for_file};
 use crate::image_io::{Image, Layer, Metadata, write_exr};
 use crate::scene::{Environment, Sampling, Texture, Wrap};
 use std::collections::HashMap;

@@ -7,7 +7,7 @@ const MAX_LENGTH: usize = 60;
 
 /// Creates unique names.
 #[derive(Default)]
-pub(super) struct Names {
+pub struct Names {
     /// In lower case, because some file systems ignore case.
     taken: HashSet<String>,
     /// Next number to try for a name that is taken.
@@ -33,7 +33,7 @@ impl Names {
 }
 
 /// `name` as part of a file name: letters, digits, `-` and `_`.
-pub(super) fn for_file(name: &str, default: &str) -> String {
+pub fn for_file(name: &str, default: &str) -> String {
     let kept = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' };
     let words: String = name.chars().map(kept).collect();
     let words: Vec<&str> = words.split('-').filter(|word| !word.is_empty()).collect();
@@ -42,7 +42,7 @@ pub(super) fn for_file(name: &str, default: &str) -> String {
 }
 
 /// `name` as it is valid in a line of an OBJ file and in quotes.
-pub(super) fn for_line(name: &str, default: &str) -> String {
+pub fn for_line(name: &str, default: &str) -> String {
     let kept = |c: char| if c.is_control() || "\\\"'\u{feff}".contains(c) { '_' } else { c };
     let name: String = name.trim().chars().map(kept).take(MAX_LENGTH).collect();
     let name = name.trim();
