@@ -48,6 +48,7 @@ const GROUPS: &[Group] = &[
             "camera_paths",
             "radius",
             "caustic_radius",
+            "medium_scale",
             "kernel",
             "bias",
             "direct",

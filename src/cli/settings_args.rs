@@ -25,6 +25,9 @@ pub struct SettingsArgs {
     /// Merge caustic photons within R [default: a quarter of --radius]
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub caustic_radius: Option<Length>,
+    /// Merge photons in media within F times the radii at surfaces [default: 4]
+    #[arg(long, value_name = "F")]
+    pub medium_scale: Option<f64>,
     /// Keep or reduce the merge bias [default: reduce if radii are chosen, else keep]
     #[arg(long, value_parser = word::<Bias>(BIAS))]
     pub bias: Option<Bias>,
@@ -91,6 +94,7 @@ impl From<&SettingsArgs> for PartialSettings {
             camera_paths: args.camera_paths,
             radius: args.radius,
             caustic_radius: args.caustic_radius,
+            medium_scale: args.medium_scale,
             bias: args.bias,
             kernel: args.kernel,
             merge_vertex: args.merge_vertex,

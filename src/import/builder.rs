@@ -15,7 +15,7 @@ use crate::base::math::Bounds;
 use crate::base::memory::available_memory;
 use crate::scene::transform::Transform;
 use crate::scene::{
-    Arrangement, Camera, Emitter, Environment, Material, MeterSet, Placement, Region, Scene,
+    Arrangement, Camera, Emitter, Environment, Material, Medium, MeterSet, Placement, Region, Scene,
 };
 use crate::settings::PartialSettings;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -56,6 +56,8 @@ pub(super) struct SceneExtras<'a> {
     pub default_light: bool,
     /// Distance off surfaces at which rays start, scene units, if it is given.
     pub ray_offset: Option<f32>,
+    /// Medium between all objects.
+    pub filling_medium: Option<Arc<Medium>>,
     /// Meters of the scene.
     pub meters: Vec<MeterSet>,
     /// Changes of the camera.
@@ -216,6 +218,7 @@ impl Builder {
             mut defaults,
             default_light,
             ray_offset,
+            filling_medium,
             meters,
             camera: change,
         } = extras;
@@ -238,6 +241,7 @@ impl Builder {
             let resolution = defaults.resolution.unwrap_or([1, 1]);
             scene = fallback::with_light(scene, resolution, path, &mut warnings);
         }
+        scene = scene.with_filling_medium(filling_medium).map_err(|error| error.at(path))?;
         let assembly = start.elapsed();
         if scene.lights().is_empty() {
             let advice = "add a `[[light]]` table to the scene file, give a material an `emission`, or \

@@ -8,7 +8,8 @@ use crate::base::math::{Rgb, luminance};
 use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::image_io::auto_exposure;
 use crate::scene::path_walker::{self, PathVisitor};
-use crate::scene::{LightSample, Scene, Surface};
+use crate::scene::{LightSample, Receiver, Scene};
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Approximate number of pixels.
@@ -114,13 +115,13 @@ impl PathVisitor for Eye<'_> {
         hit
     }
 
-    fn sample_light(&self, surface: &Surface, rng: &mut Rng) -> Option<LightSample> {
-        self.scene.lights().connect(surface.receiver(), rng)
+    fn sample_light(&self, at: Receiver, rng: &mut Rng) -> Option<LightSample> {
+        self.scene.lights().connect(at, rng)
     }
 
     /// Tests whether anything but glass blocks the light.
-    fn is_blocked(&self, accel: &dyn Intersect, surface: &Surface, light: &LightSample) -> bool {
-        let mut ray = Ray::segment(surface.start(light.wi), light.target);
+    fn is_blocked(&self, accel: &dyn Intersect, end: Vec3, light: &LightSample) -> bool {
+        let mut ray = Ray::segment(end, light.target);
         for _ in 0..PANES {
             let hit = accel.closest_hit(&ray);
             if hit.is_miss() {

@@ -13,6 +13,7 @@ use super::obj::{self, ObjFile};
 use super::pbrt;
 use super::ply::{self, VDirection};
 use super::scene_file::light::TableLight;
+use super::scene_file::medium;
 use super::scene_file::texture::TomlTextures;
 use super::scene_file::{self, MeshFileKind, SceneFile};
 use super::summary::SceneSummary;
@@ -201,9 +202,10 @@ fn build_toml(
     let camera = file.camera.get_ref().camera().map_err(|e| at(e, file.camera.span().start))?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut textures = TomlTextures::new(folder);
+    let place = |(error, offset): (Error, usize)| at(error, offset);
+    let media = medium::media(&file.media).map_err(place)?;
     let own = file.materials.iter().map(|(name, table)| {
-        let material =
-            table.material(name, &mut textures).map_err(|(error, offset)| at(error, offset))?;
+        let material = table.material(name, &mut textures, &media).map_err(place)?;
         Ok((name.clone(), material))
     });
     let own: BTreeMap<String, Material> = own.collect::<Result<_>>()?;
@@ -331,12 +333,15 @@ fn build_toml(
         Err(at(Error::new(format!("`ray_offset` is {distance}"), advice), start))
     });
     let ray_offset = ray_offset.transpose()?;
+    let filling = file.medium.as_ref().map(|name| medium::named(name, &media));
+    let filling_medium = filling.transpose().map_err(place)?;
     let extras = SceneExtras {
         regions,
         environment,
         defaults,
         default_light: false,
         ray_offset,
+        filling_medium,
         camera: extras.camera,
         meters: scene_file::meter_sets(path, text, &file.meter)?,
     };

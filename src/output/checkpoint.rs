@@ -24,7 +24,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
 
 /// Version of the payload's layout. Increase it with every change.
-const FORMAT: u32 = 14;
+const FORMAT: u32 = 15;
 
 /// Bytes before the payload.
 const HEADER: usize = MAGIC.len() + size_of::<u32>();
@@ -263,6 +263,7 @@ mod tests {
             camera_paths: 2,
             radius: 0.1,
             caustic_radius: 0.1,
+            medium_scale: 4.0,
             kernel: Kernel::Area,
             merge_vertex: 2,
             strategy: Strategy::Single,

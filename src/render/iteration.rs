@@ -9,7 +9,7 @@ use crate::film::statistic::CurrentIteration;
 use crate::noise::Measure;
 use crate::settings::Bias;
 use crate::transport::camera_paths::CameraPass;
-use crate::transport::kernel::MergeKernel;
+use crate::transport::kernel::{MediumKernel, MergeKernel};
 use crate::transport::merge::{Merge, MergeOptions};
 use crate::transport::mis::Mis;
 use rayon::prelude::*;
@@ -39,7 +39,11 @@ impl Renderer {
         light_paths.trace(scene, &**accel, settings, traced, number);
 
         // Build the photon map
-        let build_time = self.photon_map.build(&self.light_paths, self.kernel().reach());
+        let mut build_time = self.photon_map.build(&self.light_paths, self.kernel().reach());
+        if self.scene.media().is_some() {
+            let reach = self.medium_kernel().reach();
+            build_time += self.medium_map.build_in_media(&self.light_paths, reach);
+        }
 
         // Camera phase and merge: each thread traces and merges the camera paths of some tiles
         let (pass, merge) = self.passes(number);
@@ -67,9 +71,13 @@ impl Renderer {
         self.config.nested_class.map_or(kernel, |class| kernel.with_nested_class(class))
     }
 
+    fn medium_kernel(&self) -> MediumKernel {
+        self.kernel().in_media(self.settings.medium_scale as f32)
+    }
+
     /// Camera pass of an iteration whose photons are in the map, and the merge with them.
     pub(super) fn passes(&self, iteration: u64) -> (CameraPass<'_>, Merge<'_>) {
-        let Self { scene, accel, settings, view, photon_map, .. } = self;
+        let Self { scene, accel, settings, view, photon_map, medium_map, .. } = self;
         let mis = Mis::new(settings);
         let pass = CameraPass {
             scene,
@@ -77,13 +85,14 @@ impl Renderer {
             accel: &**accel,
             settings,
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
-            gather_early: mis.is_some() || photon_map.has_caustic_photons(),
+            gather_early: mis.is_some() || self.found_caustic_photons(),
         };
         let options = MergeOptions {
             mis,
             records_caustics: self.config.aovs.light,
             records_annulus: settings.bias == Bias::Reduce,
         };
-        (pass, Merge::new(photon_map, settings.merge_vertex, self.kernel(), options))
+        let merge = Merge::new(photon_map, settings.merge_vertex, self.kernel(), options);
+        (pass, merge.with_medium(medium_map, self.medium_kernel()))
     }
 }

@@ -32,8 +32,8 @@ use crate::film::features::FeatureFolds;
 use crate::film::radiance::Film;
 use crate::film::statistic::{BatchGrain, StatisticRequest};
 use crate::scene::lights::guide::Guide;
-use crate::scene::{Scene, View};
-use crate::settings::{Kernel, MAX_LIGHT_PATHS, Settings};
+use crate::scene::{Media, Scene, View};
+use crate::settings::{Kernel, MAX_LIGHT_PATHS, Settings, Strategy};
 use crate::transport::area::Areas;
 use crate::transport::light_paths::LightPaths;
 use crate::transport::mis::Mis;
@@ -111,6 +111,8 @@ pub struct Renderer {
     areas: Option<Arc<Areas>>,
     light_paths: LightPaths,
     photon_map: PhotonMap,
+    /// Photons in media.
+    medium_map: PhotonMap,
     workers: Pool<Worker>,
 }
 
@@ -125,6 +127,16 @@ pub fn check_has_light(scene: &Scene) -> Result<()> {
     Err(Error::new("the scene has no light", "add a [[light]], or give a material some emission"))
 }
 
+/// Refuses several techniques with photons in media that scatter, which their weights do not know.
+fn check_media(scene: &Scene, settings: &Settings) -> Result<()> {
+    let is_weighted = matches!(settings.strategy, Strategy::Mis | Strategy::CutMis);
+    if !is_weighted || !scene.media().is_some_and(Media::scatters) {
+        return Ok(());
+    }
+    let problem = "the strategies `mis` and `cut-mis` do not support media that scatter";
+    Err(Error::new(problem, "use the strategy `single` or `path`"))
+}
+
 impl Renderer {
     /// Prepares to render from the first iteration.
     ///
@@ -132,6 +144,8 @@ impl Renderer {
     /// If the settings are invalid, the scene has no light, or the memory does not suffice.
     pub fn new(scene: &Arc<Scene>, accel: &Arc<dyn Intersect>, settings: Settings) -> Result<Self> {
         settings.validate()?;
+        let located = scene.media().map(|_| Arc::new(scene.with_start_media(&**accel)));
+        let scene = located.as_ref().unwrap_or(scene);
         let scene = light_visibility::learned(scene, &**accel, &settings);
         Self::unguided(&scene, accel, settings)?.with_learned_guide()
     }
@@ -158,6 +172,7 @@ impl Renderer {
         let request = config.request(&settings);
         check_memory(scene, &request, settings.light_paths)?;
         check_has_light(scene)?;
+        check_media(scene, &settings)?;
         let counts = Counts::uniform(settings.light_paths, settings.camera_paths);
         let blocks = vec![Block::new(&request, 0, counts)];
         let areas = areas(&settings);
@@ -175,6 +190,7 @@ impl Renderer {
             light_paths,
             areas,
             photon_map: PhotonMap::default(),
+            medium_map: PhotonMap::default(),
             workers: Pool::default(),
         })
     }
@@ -341,7 +357,7 @@ impl Renderer {
 
     /// Whether the last iteration stored photons of [`PhotonClass::Caustic`].
     pub fn found_caustic_photons(&self) -> bool {
-        self.photon_map.has_caustic_photons()
+        self.photon_map.has_caustic_photons() || self.medium_map.has_caustic_photons()
     }
 
     /// All blocks, in the order of their first iterations.

@@ -222,7 +222,9 @@ pub(super) fn trace(
         paths.clear();
         while !ids.is_done() {
             paths.trace(&job.pass, ids.by_ref().take(CameraPaths::BATCH));
-            if paths.direct.len().max(paths.gather_points.lanes()) >= job.batch_size {
+            if paths.direct.len().max(paths.gather_points.lanes()).max(paths.medium_points.len())
+                >= job.batch_size
+            {
                 break;
             }
         }

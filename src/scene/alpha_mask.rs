@@ -1,4 +1,5 @@
-//! Alpha masks: parts of surfaces that some or all rays pass as if they did not exist.
+//! Alpha masks: parts of surfaces that some or all rays pass as if they did not exist. Connections also pass boundaries of
+//! media that do not refract.
 //!
 //! If a share of the rays passes, a random number decides for each ray and triangle. It is a hash of both: repeated
 //! queries of one ray agree. No two rays of an image are equal, because their origins or directions are random.
@@ -51,6 +52,8 @@ pub struct AlphaMasks {
     inner: Arc<dyn Intersect>,
     /// Masks by the mesh index of hits.
     masks: Vec<Option<MeshMask>>,
+    /// By the mesh index of hits, whether connections pass: boundaries of media that do not refract.
+    is_index_matched: Vec<bool>,
 }
 
 /// The mask of an instance.
@@ -61,7 +64,8 @@ struct MeshMask {
 }
 
 impl AlphaMasks {
-    /// Applies the alpha masks of the scene's materials to `inner`, if there are any.
+    /// Applies the alpha masks of the scene's materials to `inner`, and lets connections pass index-matched boundaries of
+    /// media, if there are any of either.
     pub fn wrap(inner: Arc<dyn Intersect>, scene: &Scene) -> Arc<dyn Intersect> {
         let uvs = |mesh: &Mesh| {
             let uv = |index: u32| mesh.uvs.get(index as usize).copied().unwrap_or_default();
@@ -74,7 +78,13 @@ impl AlphaMasks {
             Some(MeshMask { alpha_mask, uvs: uvs.clone() })
         };
         let masks: Vec<_> = scene.placements.iter().map(&mut masks).collect();
-        if masks.iter().all(Option::is_none) { inner } else { Arc::new(Self { inner, masks }) }
+        let matched =
+            |placement| scene.media().is_some_and(|media| media.is_index_matched(placement));
+        let is_index_matched: Vec<_> = (0..masks.len() as u32).map(matched).collect();
+        if masks.iter().all(Option::is_none) && !is_index_matched.contains(&true) {
+            return inner;
+        }
+        Arc::new(Self { inner, masks, is_index_matched })
     }
 
     /// Returns true if the ray passes the surface that it hit.
@@ -95,9 +105,14 @@ impl AlphaMasks {
     }
 
     /// The first hit, from `hit` on, that the ray does not pass.
-    fn first_met(&self, ray: &Ray, mut hit: Hit) -> Hit {
+    fn first_met(&self, ray: &Ray, hit: Hit) -> Hit {
+        self.first_not(ray, hit, |hit| self.is_passed(ray, hit))
+    }
+
+    /// The first hit, from `hit` on, without this property.
+    fn first_not(&self, ray: &Ray, mut hit: Hit, is_passed: impl Fn(&Hit) -> bool) -> Hit {
         let mut step = f32::EPSILON;
-        while self.is_passed(ray, &hit) {
+        while is_passed(&hit) {
             (hit, step) = next_after(&*self.inner, ray, &hit, step);
         }
         hit
@@ -145,7 +160,11 @@ impl Intersect for AlphaMasks {
     }
 
     fn is_occluded(&self, ray: &Ray) -> bool {
-        !self.closest_hit(ray).is_miss()
+        let is_passed = |hit: &Hit| {
+            let is_matched = self.is_index_matched.get(hit.mesh as usize) == Some(&true);
+            is_matched || self.is_passed(ray, hit)
+        };
+        !self.first_not(ray, self.inner.closest_hit(ray), is_passed).is_miss()
     }
 
     fn describe(&self) -> AccelInfo {

@@ -3,7 +3,8 @@
 use super::texture::{Sampling, Texture};
 use super::{
     AimedDistribution, Camera, Directional, Emitter, Environment, Extent, FieldOfView, InsetGrid,
-    Material, Mesh, Meter, MeterKind, Meters, NormalMap, Optics, Placement, Scene,
+    Material, Medium, MediumBoundary, Mesh, Meter, MeterKind, Meters, NormalMap, Optics, Placement,
+    Scene,
 };
 use crate::base::math::Rgb;
 use crate::scene::bsdf::{Bsdf, FacetModel, Facets, PrincipledParameters, Reflectance};
@@ -42,6 +43,10 @@ impl Scene {
         hash.camera(&self.camera);
         if let Some(meters) = self.meters() {
             hash.meters(meters);
+        }
+        if let Some(medium) = self.filling_medium() {
+            hash.text("filling medium");
+            hash.medium(medium);
         }
         hash.0.digest()
     }
@@ -99,6 +104,12 @@ impl Hash {
         mesh.triangles.iter().flatten().for_each(|&index| self.u32(index));
     }
 
+    fn medium(&mut self, medium: &Medium) {
+        let Medium { name: _, absorption, scattering, asymmetry, priority } = medium;
+        let vectors = [*absorption, *scattering];
+        self.record(*priority as u32, &vectors, &[*asymmetry]);
+    }
+
     fn material(&mut self, material: &Material) {
         let Material {
             name: _,
@@ -112,7 +123,16 @@ impl Hash {
             emission_texture,
             luminous_opening,
             hidden_from_camera,
+            boundary,
         } = material;
+        if let Some(MediumBoundary { interior, exterior }) = boundary {
+            for (name, medium) in [("interior", interior), ("exterior", exterior)] {
+                if let Some(medium) = medium {
+                    self.text(name);
+                    self.medium(medium);
+                }
+            }
+        }
         for (name, texture) in [
             ("albedo", albedo_texture),
             ("metallic roughness", metallic_roughness_texture),

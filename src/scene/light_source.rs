@@ -81,6 +81,7 @@ impl Scene {
         )?;
         let scene = Self { meters: self.meters.clone(), ..scene };
         let keeps_environment = sources.contains(&LightSource::Environment);
-        Ok(scene.with_environment(environment.filter(|_| keeps_environment)))
+        let scene = scene.with_environment(environment.filter(|_| keeps_environment));
+        scene.with_filling_medium(self.filling_medium.clone())
     }
 }

@@ -2,6 +2,7 @@
 
 use super::alpha_mask::AlphaMask;
 use super::lights::luminaire::LuminousOpening;
+use super::media::MediumBoundary;
 use super::{NormalMap, Texture};
 use crate::base::math::Rgb;
 use crate::scene::bsdf::Bsdf;
@@ -35,6 +36,8 @@ pub struct Material {
     /// If true, camera rays pass the surface: a lamp that is not in the image, but visible in mirrors and through
     /// glass.
     pub hidden_from_camera: bool,
+    /// The media on both sides, if the surface bounds any.
+    pub boundary: Option<MediumBoundary>,
 }
 
 impl Material {
@@ -52,6 +55,7 @@ impl Material {
             emission_texture: None,
             luminous_opening: None,
             hidden_from_camera: false,
+            boundary: None,
         }
     }
 

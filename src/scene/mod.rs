@@ -11,6 +11,8 @@ mod hit;
 mod light_source;
 pub mod lights;
 pub mod material;
+mod media;
+mod medium;
 mod mesh;
 mod meter;
 mod normal_map;
@@ -18,6 +20,7 @@ pub mod path_walker;
 mod placement;
 mod region;
 mod shading;
+mod start_media;
 mod surface;
 mod texture;
 pub(crate) mod transform;
@@ -36,6 +39,8 @@ pub use lights::packets::{Emissions, LightSamples, PrimarySamples};
 pub use lights::textured_emitter::TexturedTriangle;
 pub use lights::{Emission, LightSample, Lights, Receiver};
 pub use material::Material;
+pub use media::{Media, MediumBoundary, MediumState};
+pub use medium::{Flight, Medium, henyey_greenstein};
 pub use mesh::Mesh;
 pub use meter::{MAX_METERS, Meter, MeterKind, MeterSet, Meters};
 pub use normal_map::NormalMap;
@@ -56,6 +61,7 @@ use hit::Lambertian;
 use lights::guide::Guide;
 use lights::visibility::Visibility;
 use placement::Emitting;
+use start_media::StartMedia;
 use std::sync::Arc;
 use triangle::Corners;
 
@@ -80,6 +86,12 @@ pub struct Scene {
     ray_offset: f32,
     /// Whether `ray_offset` was given.
     has_own_ray_offset: bool,
+    /// The media and their boundaries, if there are any.
+    media: Option<Arc<Media>>,
+    /// The medium between all others.
+    filling_medium: Option<Arc<Medium>>,
+    /// The media where paths start.
+    start_media: Option<Arc<StartMedia>>,
     /// All triangles, mesh by mesh, in their mesh's space.
     triangles: Arc<[Triangle]>,
     /// Corners of the triangles with varying shading data.
@@ -127,6 +139,7 @@ impl Scene {
         let arrangement = arrangement.into();
         validate::check(&arrangement, &materials)?;
         let Arrangement { meshes, placements } = arrangement;
+        let media = Media::new(&meshes, &placements, &materials, None)?;
         let mut varies: Vec<_> = meshes.iter().map(Mesh::varies).collect();
         // Corner index and material of stored triangles; a mesh with several placements has any of their materials.
         let mut looks = vec![(Triangle::FLAT, 0); meshes.len()];
@@ -202,6 +215,9 @@ impl Scene {
             bounds,
             ray_offset,
             has_own_ray_offset,
+            media: media.map(Arc::new),
+            filling_medium: None,
+            start_media: None,
             triangles: triangles.into(),
             corners: corners.into(),
             first_triangle: first_triangle.into(),

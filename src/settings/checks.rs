@@ -141,6 +141,20 @@ pub(super) fn check_radius(&radius: &f32) -> Result<()> {
     Err(Error::new(format!("the merge radius is {radius}"), LENGTH_ADVICE))
 }
 
+/// Range of the radii of merges in media over those at surfaces.
+const MEDIUM_SCALES: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
+
+pub(super) fn check_medium_scale(&scale: &f64) -> Result<()> {
+    if MEDIUM_SCALES.contains(&scale) {
+        return Ok(());
+    }
+    let (least, most) = (MEDIUM_SCALES.start(), MEDIUM_SCALES.end());
+    Err(Error::new(
+        format!("the radii in media are {scale} times those at surfaces"),
+        format!("give a factor from {least} to {most}, such as 4"),
+    ))
+}
+
 pub(super) fn check_merge_vertex(&vertex: &u32) -> Result<()> {
     if (1..=255).contains(&vertex) {
         return Ok(());

@@ -158,6 +158,7 @@ mod tests {
             camera_paths: 2,
             radius: 0.1,
             caustic_radius: 0.1,
+            medium_scale: 4.0,
             kernel: Kernel::Area,
             merge_vertex: 2,
             strategy: Strategy::Single,

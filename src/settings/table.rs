@@ -2,8 +2,8 @@
 
 use super::checks::{
     as_serde, check_camera_paths, check_guide, check_light_paths, check_light_visibility,
-    check_merge_vertex, check_radius, check_resolution, check_sobol_set, check_splitting,
-    check_strategy, check_unweighted, check_whole_sets, checked,
+    check_medium_scale, check_merge_vertex, check_radius, check_resolution, check_sobol_set,
+    check_splitting, check_strategy, check_unweighted, check_whole_sets, checked,
 };
 use super::fixed_array::FixedArray;
 use super::{Bias, Crop, Direct, Kernel, Length, MisScales, Strategy};
@@ -36,7 +36,7 @@ macro_rules! plain {
     )+};
 }
 
-plain!(u32, u64, Bias, Direct, Kernel, Strategy);
+plain!(u32, u64, f64, Bias, Direct, Kernel, Strategy);
 
 impl Setting for f32 {
     type Input = Length;
@@ -182,6 +182,10 @@ settings! {
     /// Merge radius of photons without a diffuse bounce, such as caustics.
     caustic_radius: f32 as Length = Length::Units(0.25 * radius), check_radius;
 
+    /// Radii of merges in media over those at surfaces.
+    #[serde(deserialize_with = "read::medium_scale")]
+    medium_scale: f64 as f64 = 4.0, check_medium_scale;
+
     /// Treatment of the merge bias.
     bias: Bias as Bias = Bias::default(), any;
 
@@ -250,6 +254,7 @@ mod read {
     checked! {
         light_paths: u32, check_light_paths;
         camera_paths: u32, check_camera_paths;
+        medium_scale: f64, check_medium_scale;
         merge_vertex: u32, check_merge_vertex;
         guide: u32, check_guide;
         sobol_set: u32, check_sobol_set;
@@ -345,6 +350,7 @@ mod tests {
             camera_paths: 4,
             radius: 0.5,
             caustic_radius: 0.125,
+            medium_scale: 4.0,
             bias: Bias::Keep,
             kernel: Kernel::Area,
             merge_vertex: 2,
@@ -376,6 +382,7 @@ mod tests {
             camera_paths: Some(10),
             radius: Some(Length::Units(11.0)),
             caustic_radius: Some(Length::Share(0.25)),
+            medium_scale: Some(3.0),
             bias: Some(Bias::Reduce),
             kernel: Some(Kernel::Disc),
             merge_vertex: Some(12),

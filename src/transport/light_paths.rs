@@ -1,6 +1,7 @@
 //! Light phase: traces light paths breadth-first and stores their photons.
 
 use super::area::Areas;
+use super::free_flight::{MediumVertex, Passed, travel_all};
 use super::mis::Mis;
 use super::mis::photons::LightPartials;
 use super::mis::weights::PhotonPartials;
@@ -80,6 +81,11 @@ impl LightPaths {
         self.batches.iter().map(|batch| batch.photons.as_slice())
     }
 
+    /// All photons in media, in slices of consecutive paths.
+    pub fn medium_photons(&self) -> impl Iterator<Item = &[Photon]> + Clone {
+        self.batches.iter().map(|batch| batch.medium_photons.as_slice())
+    }
+
     /// MIS partials of all photons in the same slices, which are empty without MIS.
     pub fn mis_partials(&self) -> impl Iterator<Item = &[PhotonPartials]> + Clone {
         self.batches.iter().map(|batch| batch.mis_partials.as_slice())
@@ -150,6 +156,8 @@ impl LightPass<'_> {
 struct Batch {
     /// Ordered bounce by bounce.
     photons: PhotonList,
+    /// Photons where media scattered the paths.
+    medium_photons: PhotonList,
     /// MIS partials of the photons; empty without MIS.
     mis_partials: Vec<PhotonPartials>,
     extent: Extent,
@@ -208,6 +216,7 @@ struct Tracer {
     hits: Vec<HitPacket>,
     /// Photons of the current batch.
     photons: PhotonList,
+    medium_photons: PhotonList,
     partials: LightPartials,
     /// Photons keep their directions.
     stores_directions: bool,
@@ -219,8 +228,10 @@ impl Tracer {
     fn trace(&mut self, pass: &LightPass, paths: Range<u32>, batch: &mut Batch) {
         let start = Instant::now();
         mem::swap(&mut self.photons, &mut batch.photons);
+        mem::swap(&mut self.medium_photons, &mut batch.medium_photons);
         mem::swap(&mut self.partials.photons, &mut batch.mis_partials);
         self.photons.clear();
+        self.medium_photons.clear();
         self.partials.start(Mis::new(pass.settings), paths.clone());
         self.stores_directions = pass.scene.merges_by_direction();
         self.stores_direct = pass.settings.direct == Direct::PhotonMap;
@@ -244,6 +255,7 @@ impl Tracer {
             );
         }
         mem::swap(&mut self.photons, &mut batch.photons);
+        mem::swap(&mut self.medium_photons, &mut batch.medium_photons);
         mem::swap(&mut self.partials.photons, &mut batch.mis_partials);
         batch.extent = Extent::of(batch.photons.as_slice());
         batch.busy = start.elapsed();
@@ -272,6 +284,12 @@ impl Tracer {
                 // Black parts of pictures emit nothing.
                 *emitted = (lane < count) & (states.weight.get(lane) != Rgb::ZERO);
             }
+            if pass.scene.media().is_some() {
+                for lane in 0..count {
+                    let around = pass.scene.media_at_emitter(emissions.emitter[lane]);
+                    states.depth[lane] = Depth::default().within(around);
+                }
+            }
             self.segments.append(simd, &emitted, &states);
         }
     }
@@ -281,10 +299,15 @@ impl Tracer {
     fn bounce(&mut self, simd: Simd, pass: &LightPass) {
         let scene = pass.scene;
         self.next.clear();
-        let (segments, hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
+        let (segments, mut all_hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
         let (mut states, mut seen, mut at) = <(PathStates, HitScratch, DiffuseVertices)>::default();
-        for (packet, hits) in hits.iter().enumerate() {
+        for (packet, hits) in all_hits.iter_mut().enumerate() {
             let count = segments.load(packet, &mut states);
+            if let Some(media) = scene.media() {
+                travel_all(scene, media, &mut states, hits, count, |state, passed| {
+                    self.pass(pass, state, passed);
+                });
+            }
             let rest = scene.lambertian(simd, &states.direction, hits, count, &mut seen, &mut at);
             for lane in lanes_of(rest.others) {
                 let (ray, state) = states.get(lane);
@@ -303,8 +326,32 @@ impl Tracer {
                 self.partials.scatter_diffuse(scene.lights(), &at, &arrived, &goes_on);
             }
         }
-        self.hits = hits;
+        self.hits = all_hits;
         self.segments = mem::replace(&mut self.next, segments);
+    }
+
+    /// Continues a path that met no surface that scatters. Where a medium scatters it, stores a photon.
+    #[inline(never)] // media are rare
+    fn pass(&mut self, pass: &LightPass, mut state: PathState, passed: Passed) {
+        let MediumVertex { medium, position, direction, weight } = match passed {
+            Passed::Boundary(ray) => return self.next.push_state(&ray, &state),
+            Passed::Scattered(vertex) => vertex,
+        };
+        if self.stores_direct || !state.depth.is_start() {
+            let (path, class) = (pass.sample_of(state.path), class_of(state.depth));
+            // theory.md (37g)
+            let photon = Photon::new(position, path, state.weight * weight, Vec3::ZERO, class);
+            let photon = photon.coming_from(-direction).within(state.depth.media());
+            self.medium_photons.push(photon);
+        }
+        let weight = weight * medium.scattering;
+        let survival = survival(weight);
+        if state.rng.next_1d() < survival {
+            state.weight *= weight / survival;
+            state.depth = state.depth.scattered();
+            let next = medium.scatter(direction, &mut state.rng);
+            self.next.push_state(&Ray::new(position, next), &state);
+        }
     }
 
     /// Stores arrivals at diffuse vertices.
@@ -442,6 +489,7 @@ impl Tracer {
         }
         // theory.md (38)
         state.weight *= sample.weight / survival;
+        state.depth = state.depth.leaving(pass.scene, surface, sample.wi);
         Some((Ray::new(surface.start(sample.wi), sample.wi), state))
     }
 }

@@ -4,6 +4,7 @@
 pub mod area;
 pub mod camera_paths;
 mod path_queue;
+mod free_flight;
 pub mod gather;
 pub mod goniometer;
 pub mod kernel;

@@ -5,7 +5,7 @@ use crate::accel::{Hit, Ray};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
 use crate::scene::diffuse::DiffuseVertices;
-use crate::scene::{Scene, Surface};
+use crate::scene::{MediumState, Scene, Surface};
 use crate::simd::{LANES, Rngs, Vec3s};
 use bytemuck::{Pod, Zeroable};
 
@@ -32,44 +32,73 @@ impl Columns<16> for PathStates {
     const T_FAR: f32 = f32::INFINITY;
 }
 
-/// Numbers of the vertices of a path at which it scattered diffusely and at which it passed through.
+/// What a path has met so far, in one word. From the lowest bit:
+///
+/// | bits | content |
+/// |---|---|
+/// | 10 | number of vertices at which it scattered diffusely |
+/// | 6 | number of vertices through which it passed, at most 63 |
+/// | 6 | the media around it, a [`MediumState`] |
+///
+/// Paths end by roulette long before 1,023 diffuse vertices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(super) struct Depth(u32);
 
 impl Depth {
-    /// Bits for the diffuse vertices; the others are above them.
-    const DIFFUSE: u32 = 16;
+    /// Bits for the diffuse vertices.
+    const DIFFUSE: u32 = (1 << 10) - 1;
+    /// Start and largest number of the vertices that the path passed through.
+    const PASSED_AT: u32 = 10;
+    const PASSED: u32 = (1 << 6) - 1;
+    /// Start of the media.
+    const MEDIA_AT: u32 = 16;
+    const MEDIA: u32 = MediumState::COUNT as u32 - 1;
+    /// Bits of both numbers.
+    const VERTICES: u32 = (1 << Self::MEDIA_AT) - 1;
 
-    /// Vertices at which the path scattered diffusely. Paths end by roulette long before 65,535.
+    /// Vertices at which the path scattered diffusely, in media or at surfaces.
     #[inline(always)] // part of vector loops, as the functions below
     pub fn diffuse(self) -> u32 {
-        self.0 & ((1 << Self::DIFFUSE) - 1)
+        self.0 & Self::DIFFUSE
     }
 
-    /// Vertices through which the path passed.
+    /// Vertices through which the path passed, at most 63.
     #[inline(always)]
     pub fn passed(self) -> u32 {
-        self.0 >> Self::DIFFUSE
+        self.0 >> Self::PASSED_AT & Self::PASSED
     }
 
     /// Adds a diffuse vertex.
     #[inline(always)]
     #[must_use]
     pub fn scattered(self) -> Self {
-        Self(self.0.wrapping_add(1))
+        Self(self.0 + u32::from(self.diffuse() < Self::DIFFUSE))
     }
 
     /// Adds a vertex passed through.
     #[must_use]
     pub fn passed_through(self) -> Self {
-        Self(self.0.wrapping_add(1 << Self::DIFFUSE))
+        Self(self.0 + (u32::from(self.passed() < Self::PASSED) << Self::PASSED_AT))
     }
 
-    /// Tests whether there is no vertex of either kind.
+    /// Returns true if there is no vertex of either kind.
     #[inline(always)]
     pub fn is_start(self) -> bool {
-        self.0 == 0
+        self.0 & Self::VERTICES == 0
+    }
+
+    /// The media around the path.
+    #[inline(always)]
+    pub fn media(self) -> MediumState {
+        MediumState((self.0 >> Self::MEDIA_AT & Self::MEDIA) as u8)
+    }
+
+    /// Replaces the media around the path.
+    #[must_use]
+    pub fn within(self, media: MediumState) -> Self {
+        let others = self.0 & !(Self::MEDIA << Self::MEDIA_AT);
+        Self(others | u32::from(media.0) << Self::MEDIA_AT)
     }
 }
 
@@ -142,13 +171,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn depth_counts_both_kinds_of_vertices() {
-        let mut depth = Depth::default();
+    fn depth_counts_both_kinds_of_vertices_and_keeps_the_media() {
+        let mut depth = Depth::default().within(MediumState(41));
         assert!(depth.is_start());
         for _ in 0..300 {
             depth = depth.scattered();
         }
         let depth = depth.passed_through().passed_through();
         assert_eq!((depth.diffuse(), depth.passed(), depth.is_start()), (300, 2, false));
+        assert_eq!(depth.media(), MediumState(41));
+        assert_eq!(depth.within(MediumState(63)).media(), MediumState(63));
+        assert_eq!(depth.within(MediumState(63)).diffuse(), 300);
+    }
+
+    #[test]
+    fn full_counts_stay() {
+        let mut depth = Depth::default().within(MediumState(9));
+        for _ in 0..2000 {
+            depth = depth.scattered().passed_through();
+        }
+        assert_eq!((depth.diffuse(), depth.passed(), depth.media()), (1023, 63, MediumState(9)));
     }
 }

@@ -9,8 +9,9 @@ use crate::base::math::Rgb;
 use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::film::radiance::Film;
 use crate::scene::path_walker::{PathVisitor, radiance};
-use crate::scene::{LightSample, Scene, Surface, View};
+use crate::scene::{LightSample, Receiver, Scene, View};
 use crate::settings::Settings;
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Segments before Russian roulette starts.
@@ -74,12 +75,12 @@ impl PathVisitor for Visitor<'_> {
         if segment == 0 { self.0.first_visible(accel, ray, hit) } else { hit }
     }
 
-    fn sample_light(&self, surface: &Surface, rng: &mut Rng) -> Option<LightSample> {
-        self.0.lights().connect_by_power(surface.position, rng)
+    fn sample_light(&self, at: Receiver, rng: &mut Rng) -> Option<LightSample> {
+        self.0.lights().connect_by_power(at.position, rng)
     }
 
-    fn is_blocked(&self, accel: &dyn Intersect, surface: &Surface, light: &LightSample) -> bool {
-        accel.is_occluded(&Ray::segment(light.target, surface.start(light.wi)))
+    fn is_blocked(&self, accel: &dyn Intersect, end: Vec3, light: &LightSample) -> bool {
+        accel.is_occluded(&Ray::segment(light.target, end))
     }
 
     /// theory.md, section 23

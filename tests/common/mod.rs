@@ -159,6 +159,7 @@ pub fn settings(width: u32, height: u32) -> Settings {
         camera_paths: 4,
         radius: 0.1,
         caustic_radius: 0.1,
+        medium_scale: 4.0,
         bias: Bias::Keep,
         kernel: Kernel::Disc,
         merge_vertex: 1,

@@ -103,7 +103,7 @@ fn materials_convert_as_documented() {
                     "thicknessFactor": 1, "attenuationDistance": 1, "attenuationColor": [1, 0, 0]
                 }),
             ),
-            Bsdf::Dielectric(Dielectric { eta: 1.25, transmittance: Vec3::X }),
+            Bsdf::Dielectric(Dielectric::new(1.25)),
             "",
         ),
         (

@@ -104,6 +104,7 @@ fn cornell_box_has_the_dimensions_of_the_paper() {
         camera_paths: Some(25),
         radius: Some(Length::Units(4.633_333)),
         caustic_radius: None,
+        medium_scale: None,
         bias: None,
         kernel: None,
         merge_vertex: Some(2),

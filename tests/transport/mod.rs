@@ -22,6 +22,7 @@ mod lights;
 mod luminaires;
 mod materials_furnace;
 mod materials_light;
+mod media;
 mod meters;
 mod mis;
 mod normal_maps;

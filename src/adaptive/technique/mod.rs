@@ -234,9 +234,14 @@ impl Technique {
     fn candidates(settings: &Settings, open: FreeParameters, traits: SceneTraits) -> Vec<Self> {
         let own = Self::of(settings);
         let strategies = if open.strategy {
-            let mut all = vec![(Strategy::Single, 1), (Strategy::Mis, 2)];
-            // In scenes of small triangles, discs are tried in its place.
-            all.extend((!traits.is_fine).then_some((Strategy::CutMis, 2)));
+            let mut all = vec![(Strategy::Single, 1)];
+            if traits.has_scattering_media {
+                all.push((Strategy::Single, 2));
+            } else {
+                all.push((Strategy::Mis, 2));
+                // In scenes of small triangles, discs are tried in its place.
+                all.extend((!traits.is_fine).then_some((Strategy::CutMis, 2)));
+            }
             all.extend((!traits.needs_photons).then_some((Strategy::Path, 2)));
             all
         } else {
@@ -300,6 +305,8 @@ struct SceneTraits {
     needs_photons: bool,
     /// Triangles are small, measured by the merge radius.
     is_fine: bool,
+    /// Weights of several techniques with photons do not know media that scatter.
+    has_scattering_media: bool,
 }
 
 /// Factor on the continuations of light paths whose first hits are not merged. In `scenes/cornell-box` the noise falls as

@@ -10,8 +10,8 @@ use crate::base::error::Result;
 use crate::base::math::disc_area;
 use crate::film::radiance::luminance_weights;
 use crate::render::Renderer;
-use crate::scene::Emitter;
 use crate::scene::bsdf::Bsdf;
+use crate::scene::{Emitter, Media};
 use crate::settings::{Bias, Direct, Settings, Strategy};
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
@@ -309,7 +309,8 @@ impl SceneTraits {
         let triangles = scene.placements().iter().map(|own| scene.mesh(own).triangles.len());
         let area = disc_area(renderer.settings().radius);
         let is_fine = merging_area(scene) < triangles.sum::<usize>() as f64 * f64::from(area);
-        Self { needs_photons, is_fine }
+        let has_scattering_media = scene.media().is_some_and(Media::scatters);
+        Self { needs_photons, is_fine, has_scattering_media }
     }
 }
 

@@ -1,5 +1,6 @@
 //! `[materials.NAME]`.
 
+use super::media::MediumTables;
 use super::numbers::{color, inverse, number, roughness};
 use super::textures::TextureFiles;
 use crate::base::error::{Error, Result};
@@ -13,13 +14,14 @@ use std::fmt::Write;
 pub(super) struct MaterialTables<'a> {
     materials: &'a [Material],
     names: Vec<String>,
+    media: &'a MediumTables<'a>,
 }
 
 impl<'a> MaterialTables<'a> {
-    pub fn new(materials: &'a [Material]) -> Self {
+    pub fn new(materials: &'a [Material], media: &'a MediumTables<'a>) -> Self {
         let mut names = Names::default();
         let name = |material: &Material| names.unique(for_line(&material.name, "material"));
-        Self { materials, names: materials.iter().map(name).collect() }
+        Self { materials, names: materials.iter().map(name).collect(), media }
     }
 
     /// The name of the material of this index as a string or a key.
@@ -38,6 +40,7 @@ impl<'a> MaterialTables<'a> {
                 let problem = format!("the material `{name}` cannot be written: {problem}");
                 Error::new(problem, "change it in the original scene")
             })?;
+            text += &self.media.keys(material.boundary.as_ref());
             text += &self::textures(material, name, textures);
         }
         Ok(text)
@@ -54,6 +57,9 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
         }
         Bsdf::Mirror { reflectance } => {
             format!("type = \"mirror\"\nreflectance = {}\n", color(reflectance))
+        }
+        bsdf if material.boundary.is_some() && bsdf.is_index_matched() => {
+            "type = \"boundary\"\n".to_owned()
         }
         Bsdf::Dielectric(interface) => {
             let tint = transmittance(interface.transmittance);

@@ -5,6 +5,7 @@
 
 mod folder;
 mod materials;
+mod media;
 mod meshes;
 mod numbers;
 mod tables;
@@ -15,6 +16,7 @@ use super::warnings::Warning;
 use crate::base::error::Result;
 use folder::ExportFolder;
 use materials::MaterialTables;
+use media::MediumTables;
 use meshes::MeshFiles;
 use std::path::Path;
 use textures::TextureFiles;
@@ -37,18 +39,21 @@ pub struct Exported {
 pub fn export(loaded: &Loaded, origin: &str, folder: &Path, replace: bool) -> Result<Exported> {
     let Loaded { scene, defaults, meters, .. } = loaded;
     let mut warnings = Vec::new();
-    let materials = MaterialTables::new(scene.materials());
+    let media = MediumTables::new(scene);
+    let materials = MaterialTables::new(scene.materials(), &media);
     let mut textures = TextureFiles::default();
     let meshes = MeshFiles::new(scene);
 
     let mut text = tables::head(origin);
     text += &tables::ray_offset(scene.own_ray_offset());
+    text += &media.key("medium", scene.filling_medium());
     text += &tables::camera(&scene.camera);
     text += &tables::render(defaults)?;
     text += &tables::regions(&scene.regions);
     let environment = scene.lights().environment();
     text += &environment.map(tables::environment).unwrap_or_default();
     text += &tables::lights(scene.lights().emitters(), &mut warnings);
+    text += &media.tables();
     text += &materials.tables(&mut textures)?;
     text += &meshes.tables(&materials, &mut warnings);
     text += &tables::meters(meters);

@@ -49,8 +49,8 @@ pub(super) struct MaterialFactors {
     pub transmission: f32,
     /// Whether the surface bounds a volume instead of being a sheet.
     pub thick: bool,
-    /// Transmittance of the volume over the thickness that the material gives.
-    pub attenuation: Rgb,
+    /// Color of white light after a distance in the volume, scene units, if it absorbs.
+    pub attenuation: Option<(Rgb, f32)>,
     pub clearcoat: f32,
     pub clearcoat_roughness: f32,
     pub clearcoat_texture: bool,
@@ -186,19 +186,18 @@ fn share(value: f32, element: &str, key: &str) -> Result<f32> {
     Err(malformed(format!("{element}.{key}"), format!("{value} is not between 0 and 1")))
 }
 
-/// Transmittance over the thickness of a volume, by Beer's law.
-fn attenuation(volume: &Volume, element: &str) -> Result<Rgb> {
+/// Color that is left after a distance, scene units; `None` if the volume absorbs nothing.
+fn attenuation(volume: &Volume, element: &str) -> Result<Option<(Rgb, f32)>> {
     let key = "extensions.KHR_materials_volume.attenuationColor";
     let [r, g, b] = volume.attenuation_color;
     let color = Rgb::new(share(r, element, key)?, share(g, element, key)?, share(b, element, key)?);
-    let Some(distance) = volume.attenuation_distance else { return Ok(Rgb::ONE) };
-    let lengths = volume.thickness_factor / distance;
+    let Some(distance) = volume.attenuation_distance else { return Ok(None) };
     // Written so that NaN fails.
-    if !(distance > 0.0 && lengths >= 0.0) {
+    if !(distance > 0.0) {
         let key = "extensions.KHR_materials_volume.attenuationDistance";
         return Err(malformed(format!("{element}.{key}"), "it is not positive"));
     }
-    Ok(color.map(|share| if share > 0.0 { share.powf(lengths) } else { 0.0 }))
+    Ok((color != Rgb::ONE && distance.is_finite()).then_some((color, distance)))
 }
 
 fn alpha(material: &MaterialJson, element: &str) -> Result<AlphaMode> {

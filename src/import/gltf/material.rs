@@ -6,8 +6,8 @@ use crate::base::math::{Rgb, luminance};
 use crate::import::mtl::material::COAT_ROUGHNESS;
 use crate::import::scene_file::material::{DEFAULT_IOR, dielectric};
 use crate::import::warnings::GroupedWarnings;
-use crate::scene::Material;
 use crate::scene::bsdf::{Bsdf, Coated, Glossy, SMOOTH_ALPHA, ThinDielectric};
+use crate::scene::{Material, Medium, MediumBoundary};
 use glam::Vec3;
 
 /// The material, with warnings about properties without a counterpart; `None` if it is invisible.
@@ -45,7 +45,12 @@ pub(super) fn material(
     ];
     warnings.skipped_if(phrases, name);
     let data = factors.metallic_roughness_texture.clone();
+    let interior = factors.attenuation.filter(|_| glass && factors.thick);
+    let interior =
+        interior.map(|(color, distance)| Medium::absorbing(name, color, distance).into());
     Some(Material {
+        boundary: interior
+            .map(|interior| MediumBoundary { interior: Some(interior), exterior: None }),
         emission: *emission,
         albedo_texture: base_texture.clone().filter(|_| !glass),
         metallic_roughness_texture: data.filter(|_| matches!(bsdf, Bsdf::Glossy(_))),
@@ -107,9 +112,8 @@ fn glass(factors: &MaterialFactors, alpha: f32, warnings: &mut GroupedWarnings) 
     }
     let color = factors.base_color * picture.map_or(Rgb::ONE, |picture| picture.mean_color());
     if factors.thick {
-        // Light crosses the surface twice, each time with half of the absorption by Beer's law.
-        let through = (color * factors.attenuation).map(f32::sqrt);
-        return dielectric(factors.ior, alpha, through);
+        // Light crosses the surface twice.
+        return dielectric(factors.ior, alpha, color.map(f32::sqrt));
     }
     if alpha >= SMOOTH_ALPHA {
         warnings.skipped("ignored the roughness of the thin glass", name);

@@ -64,6 +64,11 @@ impl Look {
         Self::plain(lambertian(Rgb::splat(if is_lamp { 0.0 } else { 0.5 })))
     }
 
+    /// The look of a boundary of media that does not refract.
+    pub fn index_matched() -> Self {
+        Self::plain(Bsdf::ThinDielectric(ThinDielectric::new(1.0)))
+    }
+
     fn painted(bsdf: Bsdf, paint: Paint) -> Self {
         Self { albedo: paint.texture, to_uv: paint.to_uv, ..Self::plain(bsdf) }
     }

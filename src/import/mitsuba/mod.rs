@@ -10,6 +10,7 @@ pub(super) mod color;
 mod document;
 mod emitter;
 mod maps;
+mod medium;
 pub(super) mod metals;
 mod obj_files;
 mod object;
@@ -30,6 +31,7 @@ use bsdf::BsdfCache;
 use document::XmlDocument;
 use emitter::{EnvironmentEmitter, MIRROR};
 use glam::{DAffine3, DMat3};
+use medium::MediumCache;
 use obj_files::ObjFiles;
 use object::Object;
 use sensor::Sensor;
@@ -50,6 +52,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         builder: Builder::new(Vec::new()),
         paints: Paints::default(),
         bsdfs: BsdfCache::default(),
+        media: MediumCache::default(),
         obj_files: ObjFiles::default(),
         meshes: HashMap::new(),
         shared: HashMap::new(),
@@ -64,10 +67,11 @@ struct SceneReader<'a> {
     builder: Builder,
     paints: Paints,
     bsdfs: BsdfCache,
+    media: MediumCache,
     obj_files: ObjFiles,
     meshes: HashMap<MeshKey, ShapeMeshes>,
-    /// Materials that several shapes share, by the element of their BSDF.
-    shared: HashMap<Option<usize>, u32>,
+    /// Materials that several shapes share, by the elements of their BSDF and of the media on both sides.
+    shared: HashMap<(Option<usize>, [Option<usize>; 2]), u32>,
     /// By element.
     groups: HashMap<usize, Vec<MaterialMesh>>,
 }
@@ -100,6 +104,10 @@ impl SceneReader<'_> {
         for shape in &shapes {
             self.place(shape, world)?;
         }
+        let filling_medium = match &chosen {
+            Some(object) => self.media.filling(object, &mut self.paints)?,
+            None => None,
+        };
         self.warn_of_unused(document);
         let Self { mut builder, paints, path, .. } = self;
         builder.warnings.extend(paints.warnings.into_warnings(&shown));
@@ -112,7 +120,7 @@ impl SceneReader<'_> {
         };
         let defaults = PartialSettings { resolution, ..PartialSettings::default() };
         let extras = options.extras(&mut builder.warnings)?;
-        let mut extras = SceneExtras { defaults, default_light: false, ..extras };
+        let mut extras = SceneExtras { defaults, default_light: false, filling_medium, ..extras };
         match (environment, &extras.environment) {
             (Some(_), Some(_)) => builder.warnings.push(replaced_environment(path)),
             (own, None) => extras.environment = own.map(|own| own.environment(is_mirrored)),

@@ -15,7 +15,7 @@ use crate::import::instancing::MaterialMesh;
 use crate::import::paint::Paint;
 use crate::import::ply;
 use crate::scene::transform::Transform;
-use crate::scene::{Material, Mesh, NormalMap};
+use crate::scene::{Material, MediumBoundary, Mesh, NormalMap};
 use glam::{Affine2, DAffine3, DMat3, DVec3, DVec4, Vec2, Vec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -60,11 +60,10 @@ impl SceneReader<'_> {
     /// Reads a shape; `None` if its type is not supported.
     pub fn shape(&mut self, object: &Object) -> Result<Option<Shape>> {
         let name = object.label();
-        for (tag, what) in [("subsurface", "subsurface scattering"), ("medium", "media")] {
-            if !object.all(tag)?.is_empty() {
-                self.paints.skipped(format!("left out {what} of"), object);
-            }
+        if !object.all("subsurface")?.is_empty() {
+            self.paints.skipped("left out subsurface scattering of", object);
         }
+        let boundary = self.media.boundary(object, &mut self.paints)?;
         let (mut emission, mut is_lamp) = (None, false);
         for emitter in object.all("emitter")? {
             if emitter.kind() == "area" {
@@ -105,6 +104,8 @@ impl SceneReader<'_> {
             Some(bsdf) => self.bsdfs.look(bsdf, &mut self.paints, 0)?,
             None => Look::without_bsdf(is_lamp),
         };
+        let is_null = own.is_some_and(|own| own.kind() == "null");
+        let look = if is_null && boundary.is_some() { Look::index_matched() } else { look };
         if look.is_black_behind && !formula.is_some_and(Analytic::is_closed) {
             let phrase = "shows both sides of a surface whose back is black in Mitsuba (without `twosided`):";
             self.paints.skipped(phrase, own.as_ref().unwrap_or(object));
@@ -123,7 +124,10 @@ impl SceneReader<'_> {
             self.paints.skipped(phrase, object);
         }
         let map = object.map("to_world")? * inner;
-        let surface = Surface { bsdf: own, look, emission, is_lamp, to_world: map.matrix3 };
+        // Light does not enter opaque shapes.
+        let boundary = boundary.filter(|_| look.bsdf.transmits());
+        let to_world = map.matrix3;
+        let surface = Surface { bsdf: own, look, emission, is_lamp, boundary, to_world };
         let mut parts = Vec::new();
         for mesh in meshes.all {
             let material = self.material(object, &surface, &mesh);
@@ -174,10 +178,11 @@ impl SceneReader<'_> {
 
     /// Index of the material of a shape's mesh. It depends on the mesh if it has bumps.
     fn material(&mut self, object: &Object, surface: &Surface, mesh: &Mesh) -> u32 {
-        let Surface { bsdf, look, emission, is_lamp, to_world } = surface;
+        let Surface { bsdf, look, emission, is_lamp, boundary, to_world } = surface;
         let has_bumps = matches!(look.normals, Some(NormalSource::Bumps(..)));
         let is_shared = !is_lamp && emission.is_none() && !has_bumps;
-        let index = bsdf.map(|bsdf| bsdf.index);
+        let media = ["interior", "exterior"].map(|side| object.get(side).ok().flatten());
+        let index = (bsdf.map(|bsdf| bsdf.index), media.map(|own| own.map(|own| own.index)));
         if is_shared && let Some(known) = self.shared.get(&index) {
             return *known;
         }
@@ -203,6 +208,7 @@ impl SceneReader<'_> {
             normal_map,
             emission: emission.as_ref().map_or(Rgb::ZERO, |paint| paint.color),
             emission_texture: emission.as_ref().and_then(|paint| paint.texture.clone()),
+            boundary: boundary.clone(),
             ..Material::new(&name, look.bsdf)
         };
         self.builder.materials.push(material);
@@ -252,6 +258,7 @@ struct Surface<'a> {
     look: Look,
     emission: Option<Paint>,
     is_lamp: bool,
+    boundary: Option<MediumBoundary>,
     to_world: DMat3,
 }
 

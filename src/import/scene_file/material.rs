@@ -1,5 +1,6 @@
 //! `[materials.NAME]` of a scene file.
 
+use super::medium;
 use super::numbers::{
     Albedo, Ior, MetalIndex, Metallic, NonNegative, NormalScale, Opacity, Roughness, Share,
 };
@@ -12,8 +13,9 @@ use crate::scene::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Plastic, Principled,
     PrincipledParameters, Reflectance, RoughDielectric, SMOOTH_ALPHA, ThinDielectric,
 };
-use crate::scene::{Material, NormalMap, Sampling, Texture, Wrap};
+use crate::scene::{Material, Medium, NormalMap, Sampling, Texture, Wrap};
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use toml::Spanned;
 
@@ -59,6 +61,8 @@ pub(in crate::import) struct MaterialTable {
     clearcoat: Option<Spanned<Share>>,
     clearcoat_gloss: Option<Spanned<Share>>,
     emission: Option<NonNegative>,
+    interior: Option<Spanned<String>>,
+    exterior: Option<Spanned<String>>,
     #[serde(default)]
     hidden: bool,
 }
@@ -85,6 +89,7 @@ enum MaterialKind {
     Glossy,
     Plastic,
     Principled,
+    Boundary,
 }
 
 impl MaterialKind {
@@ -94,10 +99,21 @@ impl MaterialKind {
             Self::Lambertian => ("lambertian", &["albedo", "albedo_texture", "two_sided"]),
             Self::Mirror => ("mirror", &["reflectance"]),
             Self::Dielectric => {
-                let keys = &["ior", "outside_ior", "roughness", "alpha", "facets", "transmittance"];
+                let keys = &[
+                    "ior",
+                    "outside_ior",
+                    "roughness",
+                    "alpha",
+                    "facets",
+                    "transmittance",
+                    "interior",
+                    "exterior",
+                ];
                 ("dielectric", keys)
             }
-            Self::ThinDielectric => ("thin-dielectric", &["ior", "transmittance"]),
+            Self::ThinDielectric => {
+                ("thin-dielectric", &["ior", "transmittance", "interior", "exterior"])
+            }
             Self::Metal => {
                 let keys =
                     &["metal", "eta", "k", "reflectance", "roughness", "alpha", "facets", "tint"];
@@ -136,9 +152,12 @@ impl MaterialKind {
                     "clearcoat",
                     "clearcoat_gloss",
                     "two_sided",
+                    "interior",
+                    "exterior",
                 ];
                 ("principled", keys)
             }
+            Self::Boundary => ("boundary", &["interior", "exterior"]),
             Self::Glossy => {
                 let keys = &[
                     "albedo",
@@ -167,6 +186,7 @@ impl MaterialTable {
         &self,
         name: &str,
         textures: &mut TomlTextures,
+        media: &BTreeMap<String, Arc<Medium>>,
     ) -> Result<Material, Misplaced> {
         self.check_keys()?;
         let default = if self.albedo_texture.is_some() { 1.0 } else { mtl::DEFAULT_ALBEDO };
@@ -211,6 +231,7 @@ impl MaterialTable {
             MaterialKind::Principled => {
                 Bsdf::Principled(Principled::new(self.principled(albedo, eta)))
             }
+            MaterialKind::Boundary => Bsdf::ThinDielectric(ThinDielectric::new(1.0)),
             MaterialKind::Coated => Bsdf::Coated(Coated::new(albedo, eta)),
             MaterialKind::Glossy => Bsdf::Glossy(Glossy::new(albedo, metallic, eta, alpha)),
         };
@@ -225,6 +246,7 @@ impl MaterialTable {
             normal_map: self.normal_map(texture(&self.normal_texture)?)?,
             emission_texture: texture(&self.emission_texture)?,
             hidden_from_camera: self.hidden,
+            boundary: medium::boundary([&self.interior, &self.exterior], media)?,
             ..Material::new(name, bsdf)
         })
     }
@@ -336,6 +358,8 @@ impl MaterialTable {
             ("clearcoat", start(&self.clearcoat)),
             ("clearcoat_gloss", start(&self.clearcoat_gloss)),
             ("metallic_roughness_texture", start(&self.metallic_roughness_texture)),
+            ("interior", start(&self.interior)),
+            ("exterior", start(&self.exterior)),
         ];
         let (kind, keys) = self.kind.keys();
         for (key, start) in given {

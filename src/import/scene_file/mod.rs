@@ -5,6 +5,7 @@ pub(super) mod environment;
 pub(super) mod light;
 pub(super) mod luminaire;
 pub(super) mod material;
+pub(super) mod medium;
 pub(super) mod meter;
 pub(super) mod numbers;
 pub(super) mod sky;
@@ -21,6 +22,7 @@ use environment::EnvironmentTable;
 use glam::{DVec3, Vec3};
 use light::LightTable;
 use material::MaterialTable;
+use medium::MediumTable;
 use meter::MeterTable;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, de};
@@ -41,6 +43,10 @@ pub(in crate::import) struct SceneFile {
     pub mesh: Vec<Spanned<MeshTable>>,
     #[serde(default)]
     pub materials: BTreeMap<String, MaterialTable>,
+    #[serde(default)]
+    pub media: BTreeMap<String, Spanned<MediumTable>>,
+    /// Name of the medium between all objects.
+    pub medium: Option<Spanned<String>>,
     #[serde(default)]
     pub light: Vec<Spanned<LightTable>>,
     pub environment: Option<Spanned<EnvironmentTable>>,

@@ -56,6 +56,9 @@ bounded! {
     "give the reflected share of light, such as 0.5 or [0.6, 0.1, 0.1]";
     /// Radiance, intensity or irradiance per channel, or another number of at least 0.
     NonNegative(Rgb), 0.0, f64::MAX, "light is negative", "give numbers of at least 0";
+    /// Absorption or scattering coefficient, 1/scene unit, per channel.
+    Coefficient(Rgb), 0.0, 1e9, "the coefficient is out of range",
+    "give one number per scene unit, or one per channel, from 0 to 1e9";
     /// Refractive index of a clear medium.
     Ior(f32), 0.1, 10.0, "the refractive index is out of range",
     "give a number from 0.1 to 10, such as 1.5 for glass";

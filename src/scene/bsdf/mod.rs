@@ -224,6 +224,17 @@ impl Bsdf {
         }
     }
 
+    /// Returns true if all light goes straight on: the refractive indices on both sides are equal.
+    pub fn is_index_matched(&self) -> bool {
+        match *self {
+            Self::Dielectric(Dielectric { eta, transmittance })
+            | Self::ThinDielectric(ThinDielectric { eta, transmittance }) => {
+                eta == 1.0 && transmittance == Rgb::ONE
+            }
+            _ => false,
+        }
+    }
+
     /// Albedo of the front or the back of a Lambertian surface; `None` for others.
     #[inline]
     pub fn diffuse_albedo(&self, front: bool) -> Option<Rgb> {

@@ -263,6 +263,22 @@ impl Emitter {
         }
     }
 
+    /// A point from which light starts, off the surface; `None` for parallel light.
+    pub(crate) fn position(&self) -> Option<Vec3> {
+        let center = |shape: &Triangle| {
+            shape.origin + (shape.edge1 + shape.edge2) / 3.0 + shape.offset * shape.normal
+        };
+        match self {
+            Self::Point { position, .. } => Some(*position),
+            Self::Spot(spot) => Some(spot.position),
+            Self::Directional(_) => None,
+            Self::Triangle { shape, .. } => Some(center(shape)),
+            Self::Textured(panel) => Some(center(&panel.shape)),
+            Self::Luminaire(lamp) => Some(lamp.position),
+            Self::Opening(lamp) => lamp.triangles().first().map(center),
+        }
+    }
+
     /// Mean radiance of the surface in a unit direction, W/(m^2 sr); `None` without a surface.
     pub(super) fn hit_radiance(&self, direction: Vec3) -> Option<Rgb> {
         match self {

@@ -93,6 +93,16 @@ impl CameraPaths {
         }
     }
 
+    /// Records a point in a medium, before the path scatters.
+    pub(super) fn record_medium(&mut self, pass: &CameraPass, state: &PathState, position: Vec3) {
+        let aov = &mut self.aovs[state.path as usize];
+        aov.vertex = state.depth.diffuse() + 1;
+        if state.depth.diffuse() == 0 {
+            aov.passed = state.depth.passed();
+            aov.set_first_hit(pass, state.depth, position);
+        }
+    }
+
     /// Adds a light source that a path of this depth hit.
     #[inline(never)] // rare
     pub(super) fn record_hit(&mut self, path: u32, depth: Depth, light: Rgb) {

@@ -23,7 +23,8 @@ impl CameraPaths {
         states.set(lane, &ray, &state);
         if let Some(light) = light {
             let contribution = light.irradiance * light.wi.dot(meter.normal).max(0.0);
-            let path = state.path | Connections::METER;
+            let media = pass.scene.media_at_eye(&pass.view, x, y);
+            let path = Connections::path_in(state.path, media) | Connections::METER;
             self.queue_shadow_ray(path, contribution, light.target, meter.position);
         }
     }

@@ -53,6 +53,14 @@ struct Hit {
 }
 
 impl LastVertex {
+    /// A vertex in a medium, from which the path goes on along `direction` with this density, 1/sr. Without photons in
+    /// the weights it has no partial.
+    pub(super) fn in_medium(receiver: Receiver, direction: Vec3, density: f32) -> Self {
+        let partial = CameraPartial::default();
+        // The direction has no cosine in a medium.
+        Self { receiver, normal: direction, density, partial, is_diffuse: true }
+    }
+
     /// MIS weight of light that a path hits after `diffuse` diffuse vertices.
     /// theory.md (47i)
     fn hit_weight(&self, mis: &Mis, diffuse: u32, hit: &Hit) -> f32 {

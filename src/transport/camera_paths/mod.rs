@@ -1,12 +1,15 @@
 //! Camera phase: traces camera paths breadth-first, connects them to the lights and stores their gather points.
 
 mod aov;
+mod medium;
 mod meter;
 mod mis;
 mod non_diffuse;
+mod room;
 
 pub use aov::PathAov;
 
+use super::free_flight::travel_all;
 use super::gather::{GatherPoints, GatherView};
 use super::light_paths::survival;
 use super::mis::Mis;
@@ -16,12 +19,16 @@ use crate::accel::{Coherence, HitPacket, Intersect};
 use crate::base::math::Rgb;
 use crate::base::rng::{StreamKey, camera_path_index};
 use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
-use crate::scene::{HitScratch, Scene, Surface, View};
+use crate::scene::{HitScratch, MediumState, Scene, Surface, View};
 use crate::settings::{Direct, Settings, Strategy};
 use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, Vec3s, any, lanes_of};
 use bytemuck::{Pod, Zeroable};
+pub use medium::MediumPoint;
 use mis::LastVertex;
+pub use room::Room;
+pub(crate) use room::ball_volume;
+use std::array::from_fn;
 use std::mem;
 
 /// Pixel and number of a camera path, which determine its random numbers.
@@ -61,6 +68,8 @@ pub struct CameraPaths {
     pub gather_points: GatherPoints,
     /// Surfaces of the gather points whose BSDF depends on the directions of photons.
     pub views: Vec<GatherView>,
+    /// Points in media at which photons are merged.
+    pub medium_points: Vec<MediumPoint>,
     /// Rays traced so far, over all batches.
     pub rays: u64,
     /// Index of the first path of the current batch. Some paths of a fisheye camera have no segment at all.
@@ -87,7 +96,7 @@ struct Connections {
     origin: Vec3s,
     /// Vectors to the vertices.
     direction: Vec3s,
-    /// Paths, and [`Connections::CAUSTIC`] or [`Connections::METER`].
+    /// Paths with the media around their vertices, and [`Connections::CAUSTIC`] or [`Connections::METER`].
     path: [u32; LANES],
     contribution: Vec3s,
 }
@@ -97,6 +106,20 @@ impl Connections {
     const CAUSTIC: u32 = 1 << 31;
     /// Marks connections from meters.
     const METER: u32 = 1 << 30;
+    /// Start of the media. Below it there is room for 2^24 paths.
+    const MEDIA_AT: u32 = 24;
+    const PATH: u32 = (1 << Self::MEDIA_AT) - 1;
+
+    /// The path of a vertex in these media.
+    #[inline(always)] // part of a vector loop
+    fn path_in(path: u32, media: MediumState) -> u32 {
+        path | u32::from(media.0) << Self::MEDIA_AT
+    }
+
+    /// The media of [`Self::path_in`].
+    fn media(path: u32) -> MediumState {
+        MediumState((path >> Self::MEDIA_AT) as u8 & (MediumState::COUNT as u8 - 1))
+    }
 }
 
 impl Columns<10> for Connections {
@@ -138,6 +161,7 @@ impl CameraPaths {
         self.direct.clear();
         self.gather_points.clear();
         self.views.clear();
+        self.medium_points.clear();
     }
 
     /// Traces one more batch.
@@ -172,7 +196,7 @@ impl CameraPaths {
                 #[inline(always)]
                 |simd| self.scatter(simd, pass),
             );
-            self.add_connections(pass.accel, coherence);
+            self.add_connections(pass, coherence);
             coherence = Coherence::Incoherent;
         }
     }
@@ -228,6 +252,12 @@ impl CameraPaths {
             } else {
                 states.direction = pass.view.pinhole_directions(&x, &y);
             }
+            if pass.scene.media().is_some() {
+                for lane in 0..count {
+                    let around = pass.scene.media_at_eye(&pass.view, x[lane], y[lane]);
+                    states.depth[lane] = Depth::default().within(around);
+                }
+            }
             self.segments.append(simd, &is_used, &states);
         }
         self.direct.resize(started, Rgb::ZERO);
@@ -237,12 +267,20 @@ impl CameraPaths {
     #[inline(always)] // vectorized
     fn scatter(&mut self, simd: Simd, pass: &CameraPass) {
         self.next.clear();
-        let (segments, hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
+        let (segments, mut all_hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
         let (mut states, mut seen, mut at) = <(PathStates, HitScratch, DiffuseVertices)>::default();
-        for (packet, hits) in hits.iter().enumerate() {
+        for (packet, hits) in all_hits.iter_mut().enumerate() {
             let count = segments.load(packet, &mut states);
-            let rest =
+            let mut passed = 0;
+            if let Some(media) = pass.scene.media() {
+                passed =
+                    travel_all(pass.scene, media, &mut states, hits, count, |state, passed| {
+                        self.pass(pass, state, passed);
+                    });
+            }
+            let mut rest =
                 pass.scene.lambertian(simd, &states.direction, hits, count, &mut seen, &mut at);
+            rest.missed &= !passed;
             if rest.missed != 0 && pass.scene.lights().has_environment() {
                 self.add_environment(pass, &states, rest.missed);
             }
@@ -260,7 +298,7 @@ impl CameraPaths {
             }
             self.scatter_diffuse(simd, pass, &at, &mut states);
         }
-        self.hits = hits;
+        self.hits = all_hits;
         self.segments = mem::replace(&mut self.next, segments);
     }
 
@@ -295,7 +333,9 @@ impl CameraPaths {
                     &mut contributions,
                 );
             }
-            self.queue_shadow_rays(simd, at, &states.path, &light.target, &contributions);
+            let path =
+                from_fn(|lane| Connections::path_in(states.path[lane], states.depth[lane].media()));
+            self.queue_shadow_rays(simd, at, &path, &light.target, &contributions);
         }
         let (mut gathers, mut goes_on) = <(Mask, Mask)>::default();
         let mut vertex = [0; LANES];
@@ -402,7 +442,8 @@ impl CameraPaths {
     }
 
     /// Adds the contributions of all connections that nothing blocks.
-    fn add_connections(&mut self, accel: &dyn Intersect, coherence: Coherence) {
+    fn add_connections(&mut self, pass: &CameraPass, coherence: Coherence) {
+        let accel = pass.accel;
         let count = self.shadow_rays.len();
         let rays = vectorized(
             #[inline(always)]
@@ -417,9 +458,17 @@ impl CameraPaths {
             for (lane, occluded) in occluded.iter().enumerate().take(count) {
                 // Adds 0 in the shadow: a branch could not be predicted.
                 let contribution = connections.contribution.get(lane);
-                let visible = if *occluded { Rgb::ZERO } else { contribution };
+                let mut visible = if *occluded { Rgb::ZERO } else { contribution };
                 let path = connections.path[lane];
-                let index = (path & !(Connections::CAUSTIC | Connections::METER)) as usize;
+                if visible != Rgb::ZERO
+                    && let Some(media) = pass.scene.media()
+                {
+                    let target = connections.origin.get(lane);
+                    let segment = [target + connections.direction.get(lane), target];
+                    let media_at = Connections::media(path);
+                    visible *= media.transmittance(pass.scene, accel, media_at, segment);
+                }
+                let index = (path & Connections::PATH) as usize;
                 self.direct[index] += visible;
                 if self.records_aovs {
                     let aov = &mut self.aovs[index];

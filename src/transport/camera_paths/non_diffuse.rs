@@ -4,7 +4,7 @@ use super::{CameraPass, CameraPaths, Connections};
 use crate::accel::Ray;
 use crate::base::math::Rgb;
 use crate::scene::bsdf::{Lobe, LobeSet, Transport, Vertex};
-use crate::scene::{LightSample, Lights, Surface};
+use crate::scene::{LightSample, Scene, Surface};
 use crate::simd::{LANES, Vec3s, lanes_of};
 use crate::transport::gather::{GatherPoint, GatherView};
 use crate::transport::light_paths::survival;
@@ -72,6 +72,7 @@ impl CameraPaths {
         }
         // theory.md (41)
         state.weight *= sample.weight;
+        state.depth = state.depth.leaving(pass.scene, surface, sample.wi);
         if sample.lobe.passes_through() {
             let ray = Ray::new(surface.start(sample.wi), sample.wi);
             return survives_passing(&mut state).then_some((ray, state));
@@ -101,7 +102,7 @@ impl CameraPaths {
         if merges && pass.connects() {
             let light = lights.connect(surface.receiver(), &mut state.rng);
             let vertex = PathVertex { surface, at: &at, state };
-            self.connect_lobe(lights, &vertex, Lobe::Diffuse, light);
+            self.connect_lobe(pass.scene, &vertex, Lobe::Diffuse, light);
         }
         if bsdf.has_rough() && (state.depth.diffuse() == 0 || self.mis.is_some()) {
             // Delta lights cannot be hit. With MIS, connections share the other lights with hits. Without, photons
@@ -112,7 +113,7 @@ impl CameraPaths {
                 lights.connect_delta(surface.receiver(), &mut state.rng)
             };
             let vertex = PathVertex { surface, at: &at, state };
-            self.connect_lobe(lights, &vertex, Lobe::Rough, light);
+            self.connect_lobe(pass.scene, &vertex, Lobe::Rough, light);
         }
         if merges && pass.gathers_at(state.depth.diffuse() + 1) {
             self.views.push(GatherView { bsdf: *bsdf, at, interpolated: surface.interpolated });
@@ -125,7 +126,7 @@ impl CameraPaths {
     /// Connects the lobes of one class with a light source, if one was sampled.
     fn connect_lobe(
         &mut self,
-        lights: &Lights,
+        scene: &Scene,
         vertex: &PathVertex,
         lobe: Lobe,
         light: Option<LightSample>,
@@ -139,12 +140,14 @@ impl CameraPaths {
             // theory.md (42), third and fourth line
             let mut contribution = state.weight * value * light.irradiance * cos_theta;
             if self.mis.is_some() {
-                contribution *= self.connection_weight(lights, vertex, lobe, &light);
+                contribution *= self.connection_weight(scene.lights(), vertex, lobe, &light);
             }
             let start = surface.start(light.wi);
             let is_caustic = lobe == Lobe::Rough && state.depth.diffuse() == 1;
             let mark = if is_caustic { Connections::CAUSTIC } else { 0 };
-            self.queue_shadow_ray(state.path | mark, contribution, light.target, start);
+            let media = state.depth.leaving(scene, surface, light.wi).media();
+            let path = Connections::path_in(state.path, media) | mark;
+            self.queue_shadow_ray(path, contribution, light.target, start);
         }
     }
 

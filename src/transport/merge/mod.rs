@@ -5,6 +5,7 @@
 //! differ in `Merge::merge_in_order` and `Merge::merge_by_zone` only and share all code for a query.
 
 mod crowded;
+mod medium;
 mod output;
 mod point;
 
@@ -12,7 +13,7 @@ pub use output::MergeOutput;
 
 use super::camera_paths::CameraPaths;
 use super::gather::{GatherPacket, GatherPoint};
-use super::kernel::{Admission, ByClass, MergeKernel, NestedRadii, PointKernels};
+use super::kernel::{Admission, ByClass, MediumKernel, MergeKernel, NestedRadii, PointKernels};
 use super::mis::Mis;
 use super::pair_list::PairList;
 use super::photon::PhotonClass;
@@ -20,6 +21,7 @@ use super::photon_map::{MergeQueries, MergeQuery, PhotonMap, PointSearch, QueryK
 use crate::base::math::Rgb;
 use crate::simd::eight::{Eight, EightWork, by_eight};
 use crate::simd::{LANES, Mask, Vec3s};
+use medium::MediumMerge;
 use std::array::from_fn;
 use std::{ops, slice};
 
@@ -51,6 +53,8 @@ pub struct Merge<'a> {
     merge_vertex: u32,
     kernel: MergeKernel<'a>,
     admission: Admission,
+    /// Photons in media, if there are any.
+    medium: Option<MediumMerge<'a>>,
     options: MergeOptions,
     by_zone: bool,
     max_pairs: usize,
@@ -124,6 +128,9 @@ impl<const PAIRS: bool> EightWork for MergePart<'_, '_, PAIRS> {
         let Self { merge, paths, part, output } = self;
         let MergeOutput { sums, pairs, caustics, annulus, workspace } = output;
         let sums = &mut PathSums { sums, caustics, annulus };
+        if !merge.merge_media::<PAIRS>(paths, part, pairs, sums) {
+            return false;
+        }
         let batch = &Batch { eight, paths, part };
         if merge.by_zone {
             merge.merge_by_zone::<E, PAIRS>(batch, workspace, pairs, sums)
@@ -147,7 +154,13 @@ impl<'a> Merge<'a> {
         let mut admission = kernel.admission();
         admission.separate_classes = options.records_annulus && has_caustics;
         let (by_zone, max_pairs) = (map.is_large(), MAX_PAIRS);
-        Self { map, merge_vertex, kernel, admission, options, by_zone, max_pairs }
+        Self { map, merge_vertex, kernel, admission, medium: None, options, by_zone, max_pairs }
+    }
+
+    /// Also merges the photons in media, which a map holds that was built for the kernel's reach.
+    #[must_use]
+    pub fn with_medium(self, map: &'a PhotonMap, kernel: MediumKernel) -> Self {
+        Self { medium: (!map.is_empty()).then_some(MediumMerge { map, kernel }), ..self }
     }
 
     /// Quantities that are recorded beside the sums, and MIS.
@@ -165,7 +178,10 @@ impl<'a> Merge<'a> {
     #[must_use]
     pub fn caustics_only(self) -> Self {
         let options = MergeOptions { records_annulus: false, ..self.options };
-        Self { admission: self.admission.caustics_only(), options, ..self }
+        let medium = self
+            .medium
+            .map(|MediumMerge { map, kernel }| MediumMerge { map, kernel: kernel.caustics_only() });
+        Self { admission: self.admission.caustics_only(), medium, options, ..self }
     }
 
     /// Approximate number of camera paths or gather points that are best merged together.

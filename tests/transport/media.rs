@@ -1,0 +1,262 @@
+//! Media: against closed forms, and against the path tracer.
+
+use crate::common::images::{Difference, Subject};
+use crate::common::*;
+use bdpm::noise::Measure;
+use bdpm::scene::bsdf::{Bsdf, Dielectric, ThinDielectric};
+use bdpm::scene::{Material, Medium, MediumBoundary, Mesh};
+use bdpm::settings::Direct::{Connect, PhotonMap};
+use bdpm::settings::Strategy;
+use bdpm::{Renderer, Scene, Settings};
+use glam::{DVec3, Vec3};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// Pixels across and down.
+const SIDE: u32 = 8;
+
+fn medium(absorption: Vec3, scattering: Vec3, asymmetry: f32) -> Arc<Medium> {
+    Arc::new(Medium { name: "fog".into(), absorption, scattering, asymmetry, priority: 0 })
+}
+
+fn gray_medium(absorption: f32, scattering: f32, asymmetry: f32) -> Arc<Medium> {
+    medium(Vec3::splat(absorption), Vec3::splat(scattering), asymmetry)
+}
+
+/// A material around a medium.
+fn around(interior: &Arc<Medium>, bsdf: Bsdf) -> Material {
+    let boundary = MediumBoundary { interior: Some(interior.clone()), exterior: None };
+    Material { boundary: Some(boundary), ..Material::new("boundary", bsdf) }
+}
+
+/// A material around a medium that does not refract.
+fn index_matched(interior: &Arc<Medium>) -> Material {
+    around(interior, Bsdf::ThinDielectric(ThinDielectric::new(1.0)))
+}
+
+fn filled(scene: Arc<Scene>, medium: Arc<Medium>) -> Arc<Scene> {
+    Arc::unwrap_or_clone(scene).with_filling_medium(Some(medium)).unwrap().into()
+}
+
+/// The six sides of a cube, with fronts outside or inside.
+fn cube(center: Vec3, half: f32, inward: bool, material: u32) -> Vec<Mesh> {
+    let sides = [Vec3::X, Vec3::Y, Vec3::Z].into_iter().flat_map(|axis| [axis, -axis]);
+    let to = if inward { -1.0 } else { 1.0 };
+    sides.map(|side| square(center + half * side, to * side, half, material)).collect()
+}
+
+/// One closed mesh of the sides of a cube: the boundary of a medium.
+fn block(center: Vec3, half: f32, material: u32) -> Mesh {
+    let mut whole = Mesh { name: "block".into(), material, ..Mesh::default() };
+    for side in cube(center, half, false, material) {
+        let first = whole.positions.len() as u32;
+        whole.positions.extend(side.positions);
+        whole.triangles.extend(side.triangles.iter().map(|corners| corners.map(|i| i + first)));
+    }
+    whole
+}
+
+/// Mean of the image by each strategy.
+fn means(scene: &Arc<Scene>, settings: &Settings, iterations: u64) -> Vec<(String, Estimate)> {
+    let accel = accel(scene);
+    let mut all = Vec::new();
+    let path = Settings { strategy: Strategy::Path, merge_vertex: 2, ..settings.clone() };
+    let mut ways = vec![("path".to_owned(), path)];
+    for (direct, merge_vertex) in [(Connect, 1), (Connect, 2), (PhotonMap, 1), (PhotonMap, 2)] {
+        let name = format!("{direct:?} k = {merge_vertex}");
+        ways.push((name, Settings { direct, merge_vertex, ..settings.clone() }));
+    }
+    for (name, settings) in ways {
+        let subject = Subject { scene, accel: &accel, settings: &settings, region: &[] };
+        let found = subject.rendered(settings.clone(), iterations);
+        let count = found.mean.len() as f64;
+        let mean = found.mean.iter().sum::<f64>() / count;
+        all.push((name, Estimate { mean, error: found.variance_of_sum.sqrt() / count }));
+    }
+    all
+}
+
+/// Light of a panel is seen through slabs of absorbing medium with and without refraction, at a right angle.
+#[test]
+fn slabs_absorb_by_the_distance() {
+    let ink = medium(Vec3::new(0.2, 0.7, 1.5), Vec3::ZERO, 0.0);
+    let glass = Bsdf::Dielectric(Dielectric::new(1.5));
+    for (bsdf, clear) in [
+        (Bsdf::ThinDielectric(ThinDielectric::new(1.0)), [1.0; 2]),
+        // Transmittance of one face, and the sum over the reflections inside is done below.
+        (glass, [0.96, 0.04]),
+    ] {
+        let meshes = vec![block(Vec3::ZERO, 0.5, 0), square(2.0 * Vec3::X, -Vec3::X, 3.0, 1)];
+        let materials = vec![around(&ink, bsdf), gray(0.0, 1.0)];
+        let eye = camera(-3.0 * Vec3::X, Vec3::ZERO, 0.01);
+        let scene = scene(meshes, materials, vec![], eye);
+        let settings = Settings { strategy: Strategy::Path, merge_vertex: 2, ..settings(4, 4) };
+        let mut renderer = Renderer::new(&scene, &accel(&scene), settings).unwrap();
+        for _ in 0..4000 {
+            renderer.iterate(Measure::Off);
+        }
+        let mut sum = DVec3::ZERO;
+        for pixel in renderer.film().sums.map_rows(|pixel| pixel.radiance) {
+            sum += pixel / (16.0 * 4000.0);
+        }
+        for (channel, sigma) in [0.2, 0.7, 1.5f64].into_iter().enumerate() {
+            let left = (-sigma).exp();
+            let [through, back] = clear;
+            let expected = if back == 1.0 {
+                left
+            } else {
+                // Light that is reflected twice inside crosses the slab twice more.
+                through * through * left / (1.0 - (back * left).powi(2))
+            };
+            // Without refraction there is no noise; with it, a path is reflected or not.
+            let error = if back == 1.0 { 1e-5 } else { (0.25f64 / (64_000.0 * 4.0)).sqrt() };
+            let found = sum[channel];
+            assert!((found - expected).abs() < 4.0 * error, "{channel}: {found} {expected}");
+        }
+    }
+}
+
+/// Radiance that an isotropic point light scatters once into a ray that passes it, in a medium without bounds.
+fn scattered_once(absorption: f64, scattering: f64, g: f64, intensity: f64, along: f64) -> f64 {
+    let (closest, steps) = (0.5f64, 200_000);
+    let extinction = absorption + scattering;
+    let step = 20.0 / f64::from(steps);
+    let at = |i: u32| {
+        let t = (f64::from(i) + 0.5) * step;
+        let to_light = along - t;
+        let distance = closest.hypot(to_light);
+        // Light flies from the light source to the point, and then against the ray.
+        let cos = to_light / distance;
+        let phase = (1.0 - g * g) / (4.0 * PI * (1.0 + g * g - 2.0 * g * cos).powf(1.5));
+        let left = (-extinction * (t + distance)).exp();
+        scattering * phase * left * intensity / (distance * distance)
+    };
+    step * (0..steps).map(at).sum::<f64>()
+}
+
+/// Nearly all light is absorbed where it would be scattered again.
+#[test]
+fn point_light_in_an_unbounded_medium_is_scattered_once() {
+    for g in [0.0, 0.6] {
+        let (absorption, scattering, intensity, along) = (1.0, 1e-3, 2.0, 1.5);
+        let light = point_light(Vec3::new(along, 0.5, 0.0), intensity);
+        // Far behind and black: a scene needs some surface.
+        let wall = square(100.0 * Vec3::X, -Vec3::X, 1.0, 0);
+        let eye = camera(Vec3::ZERO, Vec3::X, 1e-3);
+        let scene = scene(vec![wall], vec![gray(0.0, 0.0)], vec![light], eye);
+        let scene = filled(scene, gray_medium(absorption, scattering, g));
+        let expected = scattered_once(
+            absorption.into(),
+            scattering.into(),
+            g.into(),
+            intensity.into(),
+            along.into(),
+        );
+        let settings = Settings {
+            light_paths: 200_000,
+            camera_paths: 256,
+            radius: 0.03,
+            caustic_radius: 0.03,
+            medium_scale: 1.0,
+            seed: 5,
+            ..settings(SIDE, SIDE)
+        };
+        for (name, Estimate { mean, error }) in means(&scene, &settings, 40) {
+            println!("g = {g}, {name}: {mean:.4e} +- {error:.1e}, {expected:.4e}");
+            // Direct light from photons is noisy so near to the light source.
+            let most = if name.starts_with("Photon") { 0.04 } else { 0.01 };
+            assert!(error < most * expected, "says little: {name}");
+            // Light that is scattered twice adds up to about a thousandth; balls blur it less.
+            assert!((mean - expected).abs() < 4.0 * error + 2e-3 * expected, "{g} {name}");
+        }
+    }
+}
+
+/// A medium that absorbs nothing is invisible where the same radiance comes from all sides.
+#[test]
+fn lossless_medium_is_invisible_in_a_furnace() {
+    let milk = medium(Vec3::ZERO, Vec3::new(3.0, 2.0, 1.0), 0.4);
+    for bsdf in
+        [Bsdf::ThinDielectric(ThinDielectric::new(1.0)), Bsdf::Dielectric(Dielectric::new(1.3))]
+    {
+        let mut meshes = cube(Vec3::ZERO, 1.0, true, 0);
+        meshes.push(sphere(Vec3::ZERO, 0.5, 3, false, 1));
+        let materials = vec![gray(0.0, 1.0), around(&milk, bsdf)];
+        let eye = camera(Vec3::new(-0.9, 0.1, 0.05), Vec3::ZERO, 50.0);
+        let scene = scene(meshes, materials, vec![], eye);
+        let settings = Settings {
+            light_paths: 50_000,
+            camera_paths: 16,
+            radius: 0.02,
+            caustic_radius: 0.02,
+            medium_scale: 4.0,
+            seed: 2,
+            ..settings(SIDE, SIDE)
+        };
+        for (name, Estimate { mean, error }) in means(&scene, &settings, 24) {
+            println!("{bsdf:?} {name}: {mean:.4} +- {error:.4}");
+            assert!(error < 0.01, "says little: {name}");
+            // The boundary of the ball is flat only by triangle.
+            let lost = if name == "path" { 0.0 } else { 0.005 };
+            assert!((mean - 1.0).abs() < 4.0 * error + lost, "{bsdf:?} {name}: {mean} +- {error}");
+        }
+    }
+}
+
+/// Fog all around, a ball of dark glass, one of milk that does not refract, and one of milk in glass.
+fn everything() -> Arc<Scene> {
+    let mut meshes = cube(Vec3::ZERO, 1.0, true, 0);
+    meshes.push(square(Vec3::new(0.0, 0.0, 0.99), -Vec3::Z, 0.5, 1));
+    meshes.push(sphere(Vec3::new(0.35, 0.45, -0.5), 0.35, 4, false, 2));
+    meshes.push(sphere(Vec3::new(0.4, -0.45, -0.4), 0.3, 3, false, 3));
+    meshes.push(sphere(Vec3::new(-0.3, 0.3, 0.2), 0.25, 3, false, 4));
+    let ink = medium(Vec3::new(2.0, 0.5, 0.1), Vec3::ZERO, 0.0);
+    let milk = medium(Vec3::new(0.1, 0.2, 0.4), Vec3::new(3.0, 2.5, 2.0), 0.5);
+    let glass = Bsdf::Dielectric(Dielectric::new(1.4));
+    let materials = vec![
+        gray(0.5, 0.0),
+        gray(0.0, 4.0),
+        around(&ink, glass),
+        index_matched(&milk),
+        around(&milk, glass),
+    ];
+    let eye = camera(Vec3::new(-0.9, -0.85, 0.4), Vec3::new(0.2, 0.2, -0.4), 75.0);
+    filled(scene(meshes, materials, vec![], eye), gray_medium(0.1, 0.3, 0.3))
+}
+
+#[test]
+fn all_strategies_make_the_image_of_the_path_tracer() {
+    let scene = &everything();
+    let accel = &accel(scene);
+    let base = Settings {
+        light_paths: 40_000,
+        camera_paths: 8,
+        radius: 0.03,
+        caustic_radius: 0.03,
+        medium_scale: 3.0,
+        seed: 3,
+        ..settings(SIDE, SIDE)
+    };
+    let path = Settings { strategy: Strategy::Path, merge_vertex: 2, ..base.clone() };
+    let subject = |settings| Subject { scene, accel, settings, region: &[] };
+    let expected = subject(&base).traced(16_384);
+    let mut ways = vec![path];
+    for (direct, merge_vertex) in [(Connect, 1), (Connect, 2), (PhotonMap, 1), (PhotonMap, 2)] {
+        ways.push(Settings { direct, merge_vertex, ..base.clone() });
+    }
+    for settings in &ways {
+        let of = subject(settings);
+        let found = match settings.strategy {
+            Strategy::Path => of.rendered(Settings { camera_paths: 128, ..settings.clone() }, 32),
+            _ => of.extrapolated(32),
+        };
+        let difference = found.against(&expected);
+        let Settings { strategy, direct, merge_vertex, .. } = *settings;
+        let what = format!("{strategy:?} {direct:?} k = {merge_vertex}: {difference}");
+        println!("{what}");
+        let Difference { off, error, z2, .. } = difference;
+        assert!(error < 0.012, "says little: {what}");
+        assert!(off.abs() < 4.0 * error + 5e-3, "{what}");
+        assert!(z2 < 2.0, "{what}");
+    }
+}
