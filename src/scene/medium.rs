@@ -99,6 +99,12 @@ impl Medium {
         Flight::Arrives { weight: left / shares.dot(left) }
     }
 
+    /// Density with which [`Self::travel`] ends at a distance, for a path of this weight, 1/scene unit.
+    /// theory.md (37c)
+    pub fn flight_density(&self, distance: f32, weight: Rgb) -> f32 {
+        shares(weight).dot(self.extinction() * self.transmittance(distance))
+    }
+
     /// The phase function, 1/sr, for light that flies along `from` and leaves along `to`, both unit vectors. It is
     /// also the density of [`Self::scatter`].
     /// theory.md (37e)

@@ -11,6 +11,8 @@ use glam::Vec3;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MediumVertex<'a> {
     pub medium: &'a Medium,
+    /// Length of the way, scene units.
+    pub distance: f32,
     /// Position, scene units.
     pub position: Vec3,
     /// Unit direction along which the path arrives.
@@ -48,6 +50,7 @@ pub(super) fn travel<'a>(
                 let direction = ray.direction;
                 return Some(Passed::Scattered(MediumVertex {
                     medium,
+                    distance,
                     position,
                     direction,
                     weight,

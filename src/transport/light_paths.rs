@@ -333,7 +333,7 @@ impl Tracer {
     /// Continues a path that met no surface that scatters. Where a medium scatters it, stores a photon.
     #[inline(never)] // media are rare
     fn pass(&mut self, pass: &LightPass, mut state: PathState, passed: Passed) {
-        let MediumVertex { medium, position, direction, weight } = match passed {
+        let MediumVertex { medium, position, direction, weight, .. } = match passed {
             Passed::Boundary(ray) => return self.next.push_state(&ray, &state),
             Passed::Scattered(vertex) => vertex,
         };

@@ -276,21 +276,44 @@ fn errors_name_the_line_and_a_remedy() {
 
 #[test]
 fn unsupported_parts_are_named() {
-    let text = "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\nMediumInterface \"fog\" \"\"\n\
+    let text = "MakeNamedMedium \"fog\" \"string type\" \"uniformgrid\"\nMediumInterface \"fog\" \"\"\n\
                 LightSource \"goniometric\"\nMaterial \"measured\" \"string filename\" \"x.bsdf\"\n";
     let loaded = world(text);
     let shown = loaded.warnings_text();
-    for part in ["participating media", "`goniometric`", "the measured material"] {
+    for part in ["media of other types", "`goniometric`", "the measured material"] {
         assert!(shown.contains(part), "{shown}");
     }
 }
 
 #[test]
-fn scenes_of_media_alone_are_refused_with_the_reason() {
-    let fog = "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\nMediumInterface \"fog\" \"\"\n\
-               Material \"interface\"\nShape \"sphere\"\n";
-    let error = try_load(&[HEAD, LIGHT, fog].concat()).unwrap_err().to_string();
-    assert!(error.contains("only participating media"), "{error}");
+fn scenes_of_media_alone_are_refused_if_none_is_supported() {
+    let scene = |kind: &str| {
+        let fog = format!(
+            "MakeNamedMedium \"fog\" \"string type\" \"{kind}\" \"rgb sigma_a\" [1 2 3]\n\
+             MediumInterface \"fog\" \"\"\nMaterial \"interface\"\nShape \"sphere\"\n"
+        );
+        try_load(&[HEAD, LIGHT, &fog].concat())
+    };
+    let error = scene("uniformgrid").unwrap_err().to_string();
+    assert!(error.contains("only media of types"), "{error}");
+    let media = scene("homogeneous").unwrap();
+    let [medium] = media.scene.media().unwrap().media() else { panic!("one medium") };
+    assert_eq!(medium.absorption, Vec3::new(1.0, 2.0, 3.0));
+    assert_eq!(medium.scattering, Vec3::new(2.55, 3.21, 3.77));
+}
+
+#[test]
+fn media_are_those_of_their_interfaces() {
+    let text = "MakeNamedMedium \"a\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [0 0 0] \"rgb sigma_s\" [1 1 1] \
+                \"float scale\" 2 \"float g\" 0.5\nMediumInterface \"a\" \"\"\nMaterial \"dielectric\"\nShape \"sphere\"\n\
+                MediumInterface \"\"\nShape \"sphere\"\n";
+    let scene = world(text).scene;
+    let [medium] = scene.media().unwrap().media() else { panic!("one medium") };
+    assert_eq!((medium.scattering, medium.asymmetry), (Vec3::splat(2.0), 0.5));
+    let bounded = scene.materials().iter().filter(|own| own.boundary.is_some()).count();
+    assert_eq!(bounded, 1);
+    let error = try_load(&[HEAD, LIGHT, "MediumInterface \"b\" \"\"\nShape \"sphere\"\n"].concat());
+    assert!(error.unwrap_err().to_string().contains("there is no medium `b`"));
 }
 
 #[test]

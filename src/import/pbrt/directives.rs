@@ -164,10 +164,12 @@ impl SceneReader<'_> {
             }
             "MediumInterface" => {
                 let inside = text(tokens, location)?;
-                if let Some((Token::Text(_), _)) = tokens.peek()? {
-                    tokens.next()?;
-                }
-                self.state.has_medium = !inside.is_empty();
+                // A single name is that of both sides.
+                let outside = match tokens.peek()? {
+                    Some((Token::Text(_), _)) => text(tokens, location)?,
+                    _ => inside.clone(),
+                };
+                self.state.media = [inside, outside];
             }
             _ => self.object_directive(directive, location, tokens)?,
         }
@@ -228,6 +230,7 @@ impl SceneReader<'_> {
                 let to_world = self.state.invertible(&params)?.inverse();
                 self.systems.insert("camera".to_owned(), to_world);
                 self.camera = Some(CameraSource { params, to_world });
+                self.camera_medium = self.state.media[1].clone();
             }
             "Film" => self.film = FilmSource::read(&params, &mut self.textures)?,
             "Integrator" if params.float("maxdepth").ok().flatten().is_some() => {
@@ -239,7 +242,7 @@ impl SceneReader<'_> {
                 self.textures.warnings.chosen(phrase, &params.kind);
             }
             "MakeNamedMedium" => {
-                self.textures.warnings.skipped("left out the participating medium", &params.kind);
+                self.media.define(&params, color_space, &mut self.textures)?;
             }
             "Material" => {
                 let name = params.kind.clone();

@@ -59,6 +59,11 @@ impl Look {
         Self { name: String::new(), bsdf, albedo, to_uv, normal_map, is_interface: false }
     }
 
+    /// The look of a boundary of media that does not refract.
+    pub fn index_matched(self) -> Self {
+        Self { bsdf: Bsdf::ThinDielectric(ThinDielectric::new(1.0)), ..self }
+    }
+
     fn painted(bsdf: Bsdf, paint: Paint) -> Self {
         Self { albedo: paint.texture, to_uv: paint.to_uv, ..Self::plain(bsdf) }
     }

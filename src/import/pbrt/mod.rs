@@ -8,6 +8,7 @@ mod directives;
 mod image_light;
 mod lights;
 mod materials;
+mod media;
 mod params;
 mod pfm;
 mod shapes;
@@ -27,12 +28,13 @@ use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::import::paint::Paint;
 use crate::scene::transform::Transform;
-use crate::scene::{Emitter, Material, Mesh, NormalMap};
+use crate::scene::{Emitter, Material, Medium, Mesh, NormalMap};
 use crate::settings::PartialSettings;
 use camera::{CameraSource, FilmSource};
 use glam::{DAffine3, DMat3, DVec3, Vec2};
 use lights::back_of;
 use materials::{Look, Materials};
+use media::Media;
 use params::Params;
 use spectra::ColorSpace;
 use state::GraphicsState;
@@ -52,6 +54,8 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         builder: Builder::new(Vec::new()),
         textures: Textures::new(folder),
         materials: Materials::default(),
+        media: Media::default(),
+        camera_medium: String::new(),
         material_index: HashMap::new(),
         state: GraphicsState::new(),
         saved: Vec::new(),
@@ -84,6 +88,9 @@ struct SceneReader<'a> {
     builder: Builder,
     textures: Textures,
     materials: Materials,
+    media: Media,
+    /// Name of the medium around the camera; empty for none.
+    camera_medium: String,
     /// Index of a material by its look, and the bits of what depends on the shape.
     material_index: HashMap<(usize, u32), u32>,
     state: GraphicsState,
@@ -176,7 +183,7 @@ impl SceneReader<'_> {
         self.place_curves(hair, world)?;
         self.place_objects(world)?;
         if self.has_media && self.builder.is_empty() {
-            let problem = "the scene has only participating media, which are not supported";
+            let problem = "the scene has only media of types that are not supported";
             return Err(Error::new(problem, "add surfaces").at(self.path));
         }
         self.build(options, world, emitters, environment)
@@ -236,10 +243,8 @@ impl SceneReader<'_> {
     /// sides.
     fn parts(&mut self, shape: &PlacedShape, may_emit: bool) -> Result<Vec<Part>> {
         let PlacedShape { params, map, state } = shape;
-        if state.has_medium {
-            self.has_media = true;
-            self.textures.warnings.skipped("left out participating media inside of", &params.kind);
-        }
+        let boundary = self.media.boundary(&state.media, params)?;
+        self.has_media |= state.media.iter().any(|name| !name.is_empty());
         let lamp = state.area_light.clone().filter(|_| may_emit);
         if state.area_light.is_some() && !may_emit {
             self.textures.warnings.skipped("left out the emission of shapes of", "objects");
@@ -256,7 +261,10 @@ impl SceneReader<'_> {
             None => None,
         };
         let emission = emission.filter(|paint| paint.color != Rgb::ZERO);
-        if look.is_interface && emission.is_none() {
+        let boundary = boundary.filter(|_| look.is_interface || look.bsdf.transmits());
+        let look =
+            if look.is_interface && boundary.is_some() { look.index_matched() } else { look };
+        if look.is_interface && emission.is_none() && boundary.is_none() {
             return Ok(Vec::new());
         }
         let alpha = alpha.filter(|alpha| alpha.texture.is_some() || alpha.color.x < 1.0);
@@ -276,11 +284,11 @@ impl SceneReader<'_> {
             mesh.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
             mesh.normals.iter_mut().for_each(|normal| *normal = -*normal);
         }
-        let plain = emission.is_none() && alpha.is_none();
+        let plain = emission.is_none() && alpha.is_none() && boundary.is_none();
         let material = match self.material_index.get(&(number, 0)).filter(|_| plain) {
             Some(known) => *known,
             None => {
-                let material = self.material(&look, emission, alpha);
+                let material = Material { boundary, ..self.material(&look, emission, alpha) };
                 self.builder.materials.push(material);
                 let made = self.builder.materials.len() as u32 - 1;
                 if plain {
@@ -344,7 +352,7 @@ impl SceneReader<'_> {
             Some(camera) => Some(camera.camera(world, &self.film, &mut self.textures)?),
             None => None,
         };
-        let Self { mut builder, textures, film, .. } = self;
+        let Self { mut builder, textures, film, media, camera_medium, .. } = self;
         builder.warnings.extend(textures.warnings.into_warnings(&path.display().to_string()));
         builder.arrange(path)?;
         let camera = match camera {
@@ -354,7 +362,13 @@ impl SceneReader<'_> {
         let defaults =
             PartialSettings { resolution: Some(film.resolution()), ..PartialSettings::default() };
         let extras = options.extras(&mut builder.warnings)?;
-        let mut extras = SceneExtras { defaults, default_light: false, ..extras };
+        // The medium of the camera, unless a shape bounds it, fills the scene.
+        let bounds = |medium: &Arc<Medium>| {
+            let mut boundaries = builder.materials.iter().filter_map(|own| own.boundary.as_ref());
+            boundaries.any(|boundary| boundary.interior.as_ref() == Some(medium))
+        };
+        let filling_medium = media.named(&camera_medium).filter(|medium| !bounds(medium));
+        let mut extras = SceneExtras { defaults, default_light: false, filling_medium, ..extras };
         match (environment, &extras.environment) {
             (Some(_), Some(_)) => builder.warnings.push(replaced_environment(path)),
             (own, None) => extras.environment = own,

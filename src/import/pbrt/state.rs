@@ -19,8 +19,8 @@ pub(super) struct GraphicsState {
     pub material: MaterialRef,
     pub area_light: Option<Rc<AreaLight>>,
     pub color_space: ColorSpace,
-    /// Whether a participating medium is inside.
-    pub has_medium: bool,
+    /// Names of the media inside and outside of shapes; empty for none.
+    pub media: [String; 2],
     /// Transforms apply to the start of the shutter interval.
     pub changes_start: bool,
     /// Parameters that `Attribute` adds, by target: `shape`, `light`, `material`, `medium` or `texture`.
@@ -35,7 +35,7 @@ impl GraphicsState {
             material: MaterialRef::Default,
             area_light: None,
             color_space: ColorSpace::Srgb,
-            has_medium: false,
+            media: Default::default(),
             changes_start: true,
             attributes: BTreeMap::new(),
         }

@@ -93,6 +93,11 @@ impl CameraPaths {
         }
     }
 
+    /// Records that lights are connected on the way to the next vertex.
+    pub(super) fn record_segment(&mut self, state: &PathState) {
+        self.aovs[state.path as usize].vertex = state.depth.diffuse() + 1;
+    }
+
     /// Records a point in a medium, before the path scatters.
     pub(super) fn record_medium(&mut self, pass: &CameraPass, state: &PathState, position: Vec3) {
         let aov = &mut self.aovs[state.path as usize];

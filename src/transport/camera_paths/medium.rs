@@ -3,12 +3,12 @@
 use super::mis::LastVertex;
 use super::room::Room;
 use super::{CameraPass, CameraPaths, Connections};
-use crate::accel::Ray;
+use crate::accel::{Hit, HitPacket, Ray};
 use crate::base::math::Rgb;
-use crate::scene::{MediumState, Receiver};
-use crate::transport::free_flight::{MediumVertex, Passed};
+use crate::scene::{Media, MediumState, Receiver};
+use crate::transport::free_flight::{MediumVertex, Passed, travel};
 use crate::transport::light_paths::survival;
-use crate::transport::path_state::PathState;
+use crate::transport::path_state::{PathState, PathStates};
 use glam::Vec3;
 
 /// A vertex of a camera path in a medium, at which photons are merged.
@@ -34,13 +34,55 @@ pub struct MediumPoint {
 }
 
 impl CameraPaths {
-    /// Continues a path that met no surface that scatters.
+    /// Takes the first `count` paths through the media around them. Those that do not arrive at a surface that scatters
+    /// go on, and their hits become misses; returns their bits.
     #[inline(never)] // media are rare
-    pub(super) fn pass(&mut self, pass: &CameraPass, state: PathState, passed: Passed) {
+    pub(super) fn travel(
+        &mut self,
+        pass: &CameraPass,
+        media: &Media,
+        states: &mut PathStates,
+        hits: &mut HitPacket,
+        count: usize,
+    ) -> u32 {
+        let mut gone = 0;
+        for lane in 0..count {
+            let (ray, mut state) = states.get(lane);
+            let hit = hits.get(lane);
+            let medium = media.medium(state.depth.media());
+            let angles = medium
+                .and_then(|medium| self.connect_along(pass, medium, (&ray, hit.t), &mut state));
+            let before = state.weight;
+            let passed = travel(pass.scene, media, &ray, &hit, &mut state);
+            states.set(lane, &ray, &state);
+            if let Some(passed) = passed {
+                gone |= 1 << lane;
+                hits.set(lane, &Hit::MISS);
+                self.pass(pass, state, passed, |vertex| {
+                    // theory.md (37l): the technique that draws distances of flights
+                    angles.map_or(1.0, |angles| {
+                        let flight = vertex.medium.flight_density(vertex.distance, before);
+                        flight / (flight + angles.density(vertex.distance))
+                    })
+                });
+            }
+        }
+        gone
+    }
+
+    /// Continues a path that met no surface that scatters. `share` is the weight of connections from a vertex.
+    fn pass(
+        &mut self,
+        pass: &CameraPass,
+        state: PathState,
+        passed: Passed,
+        share: impl Fn(&MediumVertex) -> f32,
+    ) {
         match passed {
             Passed::Boundary(ray) => self.next.push_state(&ray, &state),
             Passed::Scattered(vertex) => {
-                if let Some((ray, state)) = self.scatter_in_medium(pass, &vertex, state) {
+                let share = share(&vertex);
+                if let Some((ray, state)) = self.scatter_in_medium(pass, &vertex, share, state) {
                     self.next.push_state(&ray, &state);
                 }
             }
@@ -52,9 +94,10 @@ impl CameraPaths {
         &mut self,
         pass: &CameraPass,
         vertex: &MediumVertex,
+        share: f32,
         mut state: PathState,
     ) -> Option<(Ray, PathState)> {
-        let MediumVertex { medium, position, direction, weight } = *vertex;
+        let MediumVertex { medium, position, direction, weight, .. } = *vertex;
         let scattered = weight * medium.scattering;
         state.weight *= scattered;
         let number = state.depth.diffuse() + 1;
@@ -68,7 +111,7 @@ impl CameraPaths {
         {
             let phase = medium.phase(direction, light.wi);
             // theory.md (37h)
-            let mut contribution = state.weight * light.irradiance * phase;
+            let mut contribution = state.weight * light.irradiance * (phase * share);
             if let Some(mis) = &self.mis {
                 // Connections and hits of light sources sample the same paths.
                 contribution *=

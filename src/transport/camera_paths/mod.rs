@@ -1,6 +1,7 @@
 //! Camera phase: traces camera paths breadth-first, connects them to the lights and stores their gather points.
 
 mod aov;
+mod equiangular;
 mod medium;
 mod meter;
 mod mis;
@@ -9,7 +10,6 @@ mod room;
 
 pub use aov::PathAov;
 
-use super::free_flight::travel_all;
 use super::gather::{GatherPoints, GatherView};
 use super::light_paths::survival;
 use super::mis::Mis;
@@ -273,10 +273,7 @@ impl CameraPaths {
             let count = segments.load(packet, &mut states);
             let mut passed = 0;
             if let Some(media) = pass.scene.media() {
-                passed =
-                    travel_all(pass.scene, media, &mut states, hits, count, |state, passed| {
-                        self.pass(pass, state, passed);
-                    });
+                passed = self.travel(pass, media, &mut states, hits, count);
             }
             let mut rest =
                 pass.scene.lambertian(simd, &states.direction, hits, count, &mut seen, &mut at);
