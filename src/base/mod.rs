@@ -11,3 +11,4 @@ pub mod iteration_set;
 pub mod photometry;
 pub(crate) mod pool;
 pub mod rng;
+pub mod spectrum;

@@ -114,6 +114,7 @@ impl Hash {
         let Material {
             name: _,
             bsdf,
+            dispersion,
             albedo_texture,
             metallic_roughness_texture,
             opacity_texture,
@@ -159,6 +160,10 @@ impl Hash {
         if let Some(opening) = luminous_opening {
             self.text(if opening.is_flat() { "flat opening" } else { "opening" });
             self.aimed(opening.aimed());
+        }
+        if let Some(dispersion) = dispersion {
+            self.text("dispersion");
+            dispersion.all_relative().iter().for_each(|&index| self.f32(index));
         }
         self.bsdf(bsdf);
         self.vec3(*emission);

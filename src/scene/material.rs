@@ -3,7 +3,7 @@
 use super::alpha_mask::AlphaMask;
 use super::lights::luminaire::LuminousOpening;
 use super::media::MediumBoundary;
-use super::{NormalMap, Texture};
+use super::{Dispersion, NormalMap, Texture};
 use crate::base::math::Rgb;
 use crate::scene::bsdf::Bsdf;
 use glam::{Vec2, Vec3};
@@ -16,6 +16,8 @@ pub struct Material {
     pub name: String,
     /// The scattering function.
     pub bsdf: Bsdf,
+    /// Dispersion of a dielectric, whose BSDF has the index at the line d; `None` if all wavelengths have this index.
+    pub dispersion: Option<Arc<Dispersion>>,
     /// Factor of the albedo of a surface with a diffuse base.
     pub albedo_texture: Option<Arc<Texture>>,
     /// Factors of a glossy or principled surface's roughness (green) and metallic share (blue).
@@ -46,6 +48,7 @@ impl Material {
         Self {
             name: name.to_owned(),
             bsdf,
+            dispersion: None,
             albedo_texture: None,
             metallic_roughness_texture: None,
             opacity_texture: None,

@@ -5,8 +5,10 @@ pub mod bsdf;
 pub mod camera;
 mod alpha_mask;
 pub mod diffuse;
+pub mod dispersion;
 mod fingerprint;
 mod camera_visibility;
+mod glasses;
 mod hit;
 mod light_source;
 pub mod lights;
@@ -29,6 +31,7 @@ mod validate;
 
 pub use alpha_mask::AlphaMask;
 pub use camera::{Camera, Extent, FieldOfView, FisheyeProjection, Optics, View};
+pub use dispersion::{Dispersion, RefractiveIndex};
 pub use hit::HitScratch;
 pub use light_source::LightSource;
 pub use lights::emitter::{Directional, Emitter, Spot};
@@ -315,5 +318,10 @@ impl Scene {
     pub fn merges_by_direction(&self) -> bool {
         self.materials.iter().any(Material::merges_by_direction)
             || self.meshes.iter().any(|mesh| !mesh.normals.is_empty())
+    }
+
+    /// Returns true if paths may have wavelengths: if any material is dispersive.
+    pub fn is_dispersive(&self) -> bool {
+        self.materials.iter().any(|material| material.dispersion.is_some())
     }
 }

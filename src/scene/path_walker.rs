@@ -38,7 +38,7 @@ pub fn radiance<V: PathVisitor>(
     visitor: &mut V,
 ) -> Rgb {
     let (mut radiance, mut throughput) = (Rgb::ZERO, Rgb::ONE);
-    let mut is_unconnected = true;
+    let (mut is_unconnected, mut wavelength) = (true, None);
     let start = |media: &Media| media.at(scene, accel, ray.origin);
     let mut within = scene.media().map_or(MediumState::default(), start);
     for segment in 0..V::MAX_SEGMENTS {
@@ -65,7 +65,8 @@ pub fn radiance<V: PathVisitor>(
             }
             break;
         }
-        let surface = scene.surface(&ray, &hit);
+        let mut surface = scene.surface(&ray, &hit);
+        throughput *= surface.disperse(&mut wavelength, rng);
         if is_unconnected {
             radiance += throughput * surface.emission();
         }

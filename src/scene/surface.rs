@@ -4,6 +4,7 @@ use super::diffuse::{DiffusePoint, TriangleSide};
 use super::{Material, Receiver};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
+use crate::base::spectrum::Wavelength;
 use crate::scene::bsdf::{Bsdf, BsdfSample, LobeSet, Transport, Vertex};
 use glam::{Vec2, Vec3};
 
@@ -62,6 +63,24 @@ impl Surface<'_> {
     pub fn receiver(&self) -> Receiver {
         let normal = (!self.bsdf.transmits()).then_some(self.normal);
         Receiver { position: self.position, normal }
+    }
+
+    /// Gives the BSDF the index of the path's wavelength, where the surface is dispersive. A path without a wavelength
+    /// draws one. Returns the factor of its weight.
+    /// theory.md (47l)
+    #[inline]
+    pub fn disperse(&mut self, wavelength: &mut Option<Wavelength>, rng: &mut Rng) -> Rgb {
+        let Some(dispersion) = &self.material.dispersion else { return Rgb::ONE };
+        let (own, factor) = match *wavelength {
+            Some(own) => (own, Rgb::ONE),
+            None => {
+                let drawn = Wavelength::sample(rng.next_1d());
+                (drawn, drawn.color())
+            }
+        };
+        *wavelength = Some(own);
+        self.bsdf = self.bsdf.with_index(dispersion.relative(own));
+        factor
     }
 
     /// The arguments of its BSDF.

@@ -2,8 +2,10 @@
 
 use super::mis::densities::Survival;
 use super::mis::weights::GatherPartials;
+use super::path_state::Depth;
 use super::photon::Photon;
 use crate::base::math::Rgb;
+use crate::base::spectrum::Wavelength;
 use crate::scene::bsdf::{Bsdf, Lobe, Transport, Vertex};
 use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
 use crate::scene::shading_normal;
@@ -24,6 +26,8 @@ pub struct GatherPoint {
     pub weight: Rgb,
     /// Number of the diffuse vertex, `1..=k`. Photons of all classes are merged at `k`, only caustic photons before.
     pub vertex: u32,
+    /// Wavelength of the path; `None` for all wavelengths.
+    pub wavelength: Option<Wavelength>,
     /// Unit normal on the side that the camera path sees.
     pub normal: Vec3,
     /// The side of the triangle that the camera path sees.
@@ -57,7 +61,8 @@ pub(crate) struct GatherPacket {
     pub weight: Vec3s,
     pub normal: Vec3s,
     pub path: [u32; LANES],
-    pub vertex: [u32; LANES],
+    /// Numbers of the diffuse vertices, and wavelengths.
+    pub depth: [Depth; LANES],
     pub view: [u32; LANES],
     /// Meshes and sides of the [`TriangleSide`]s.
     pub mesh: [u32; LANES],
@@ -81,7 +86,8 @@ impl GatherPacket {
             position: self.position.get(lane),
             path: self.path[lane],
             weight: self.weight.get(lane),
-            vertex: self.vertex[lane],
+            vertex: self.depth[lane].diffuse(),
+            wavelength: self.depth[lane].wavelength(),
             normal: self.normal.get(lane),
             view: self.view[lane],
             facet: TriangleSide { mesh: self.mesh[lane], side: self.side[lane] },
@@ -129,7 +135,7 @@ impl GatherPoints {
         packet.weight.set(lane, point.weight);
         packet.normal.set(lane, point.normal);
         packet.path[lane] = point.path;
-        packet.vertex[lane] = point.vertex;
+        packet.depth[lane] = Depth::at_vertex(point.vertex, point.wavelength);
         packet.view[lane] = point.view;
         (packet.mesh[lane], packet.side[lane]) = (point.facet.mesh, point.facet.side);
         packet.gathers[lane] = true;
@@ -171,7 +177,7 @@ impl GatherPoints {
         &mut self.packets[packet]
     }
 
-    /// Adds the diffuse vertices in the lanes of `gathers`; `vertex` has their numbers along their paths.
+    /// Adds the diffuse vertices in the lanes of `gathers`; `depth` has their numbers along their paths.
     #[inline(always)] // part of the loop over vertices
     pub(crate) fn push_diffuse(
         &mut self,
@@ -179,7 +185,7 @@ impl GatherPoints {
         at: &DiffuseVertices,
         weight: &Vec3s,
         path: &[u32; LANES],
-        vertex: &[u32; LANES],
+        depth: &[Depth; LANES],
     ) {
         self.taken = self.taken.next_multiple_of(LANES);
         *self.packet() = GatherPacket {
@@ -187,7 +193,7 @@ impl GatherPoints {
             weight: *weight,
             normal: at.normal,
             path: *path,
-            vertex: *vertex,
+            depth: *depth,
             view: [GatherPoint::NO_VIEW; LANES],
             mesh: at.mesh,
             side: at.side,

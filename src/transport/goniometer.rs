@@ -197,7 +197,7 @@ impl Goniometer {
         let mut paths: Vec<_> = rngs
             .map(|mut rng| {
                 let start = scene.lights().emit(&mut rng);
-                (Ray::new(start.origin, start.direction), start.flux, rng)
+                (Ray::new(start.origin, start.direction), start.flux, None, rng)
             })
             .collect();
         let mut hits = Vec::new();
@@ -207,7 +207,7 @@ impl Goniometer {
             hits.resize(rays.len(), Hit::MISS);
             accel.closest_hits(&rays, &mut hits, Coherence::Incoherent);
             let mut next = Vec::with_capacity(paths.len());
-            for ((ray, flux, mut rng), hit) in paths.into_iter().zip(&hits) {
+            for ((ray, mut flux, mut wavelength, mut rng), hit) in paths.into_iter().zip(&hits) {
                 if hit.is_miss() {
                     let flux = f64::from(luminance(flux));
                     let direction = ray.direction.as_dvec3().normalize_or_zero();
@@ -215,12 +215,13 @@ impl Goniometer {
                     sums.total += flux;
                     continue;
                 }
-                let surface = scene.surface(&ray, hit);
+                let mut surface = scene.surface(&ray, hit);
+                flux *= surface.disperse(&mut wavelength, &mut rng);
                 let Some(sample) = surface.scatter_flux(&mut rng) else { continue };
                 let survival = survival(sample.weight);
                 if rng.next_1d() < survival {
                     let ray = Ray::new(surface.start(sample.wi), sample.wi);
-                    next.push((ray, flux * (sample.weight / survival), rng));
+                    next.push((ray, flux * (sample.weight / survival), wavelength, rng));
                 }
             }
             paths = next;

@@ -7,7 +7,7 @@ use super::mis::photons::LightPartials;
 use super::mis::weights::PhotonPartials;
 use super::path_queue::PathQueue;
 use super::path_state::{Depth, PathState, PathStates, at_other_surface};
-use super::photon::{Arrival, Extent, Photon, PhotonClass, PhotonPacket};
+use super::photon::{Arrival, Extent, Photon, PhotonClass, PhotonPacket, pack_wavelength};
 use crate::accel::{Coherence, HitPacket, Intersect, Ray};
 use crate::base::math::{Rgb, pack_direction};
 use crate::base::pool::Pool;
@@ -220,6 +220,8 @@ struct Tracer {
     partials: LightPartials,
     /// Photons keep their directions.
     stores_directions: bool,
+    /// Photons keep their wavelengths.
+    stores_wavelengths: bool,
     /// Photons straight from a light source are stored, not replaced by connections.
     stores_direct: bool,
 }
@@ -234,6 +236,7 @@ impl Tracer {
         self.medium_photons.clear();
         self.partials.start(Mis::new(pass.settings), paths.clone());
         self.stores_directions = pass.scene.merges_by_direction();
+        self.stores_wavelengths = pass.scene.is_dispersive();
         self.stores_direct = pass.settings.direct == Direct::PhotonMap;
         batch.rays = 0;
         vectorized(
@@ -312,9 +315,11 @@ impl Tracer {
             for lane in lanes_of(rest.others) {
                 let (ray, state) = states.get(lane);
                 let origin = ray.origin;
-                let scatter = |surface: &Surface| self.scatter_other(pass, surface, origin, state);
+                let scatter = |surface: &Surface, state: PathState| {
+                    self.scatter_other(pass, surface, origin, state)
+                };
                 if let Some((ray, state)) =
-                    at_other_surface(scene, &ray, &hits.get(lane), &mut at, lane, scatter)
+                    at_other_surface(scene, &ray, &hits.get(lane), &mut at, lane, state, scatter)
                 {
                     self.next.push_state(&ray, &state);
                 }
@@ -341,7 +346,10 @@ impl Tracer {
             let (path, class) = (pass.sample_of(state.path), class_of(state.depth));
             // theory.md (37g)
             let photon = Photon::new(position, path, state.weight * weight, Vec3::ZERO, class);
-            let photon = photon.coming_from(-direction).within(state.depth.media());
+            let mut photon = photon.coming_from(-direction).within(state.depth.media());
+            if self.stores_wavelengths {
+                photon.from = pack_wavelength(photon.from, state.depth.wavelength_index());
+            }
             self.medium_photons.push(photon);
         }
         let weight = weight * medium.scattering;
@@ -378,6 +386,11 @@ impl Tracer {
         if self.stores_directions {
             for (lane, from) in from.iter_mut().enumerate() {
                 *from = pack_direction(-states.direction.get(lane));
+            }
+        }
+        if self.stores_wavelengths {
+            for (lane, from) in from.iter_mut().enumerate() {
+                *from = pack_wavelength(*from, states.depth[lane].wavelength_index());
             }
         }
         if let Some(areas) = pass.areas {
@@ -474,7 +487,11 @@ impl Tracer {
             let tag = pass.areas.map_or(0, |areas| areas.side_tag(mesh, side));
             let path = pass.sample_of(state.path);
             let photon = Photon::new(position, path, state.weight, normal, class).on_side(tag);
-            self.photons.push(if self.stores_directions { photon.coming_from(wo) } else { photon });
+            let mut photon = if self.stores_directions { photon.coming_from(wo) } else { photon };
+            if self.stores_wavelengths {
+                photon.from = pack_wavelength(photon.from, state.depth.wavelength_index());
+            }
+            self.photons.push(photon);
         }
         let sample = surface.scatter_flux(&mut state.rng)?;
         self.partials.scatter(lights, surface, origin, &state, &sample);

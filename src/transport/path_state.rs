@@ -4,6 +4,7 @@ use super::path_queue::{Columns, PathQueue};
 use crate::accel::{Hit, Ray};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
+use crate::base::spectrum::Wavelength;
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::{MediumState, Scene, Surface};
 use crate::simd::{LANES, Rngs, Vec3s};
@@ -24,7 +25,7 @@ pub(super) struct PathStates {
     pub inverse_start: [f32; LANES],
     /// Numbers of the paths.
     pub path: [u32; LANES],
-    /// Numbers of vertices so far.
+    /// Numbers of vertices so far, and wavelengths.
     pub depth: [Depth; LANES],
 }
 
@@ -39,11 +40,12 @@ impl Columns<16> for PathStates {
 /// | 10 | number of vertices at which it scattered diffusely |
 /// | 6 | number of vertices through which it passed, at most 63 |
 /// | 6 | the media around it, a [`MediumState`] |
+/// | 10 | index of its wavelength, 0 for none |
 ///
-/// Paths end by roulette long before 1,023 diffuse vertices.
+/// Paths end by roulette long before 1,023 diffuse vertices, the most that are counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
-pub(super) struct Depth(u32);
+pub(crate) struct Depth(u32);
 
 impl Depth {
     /// Bits for the diffuse vertices.
@@ -54,8 +56,15 @@ impl Depth {
     /// Start of the media.
     const MEDIA_AT: u32 = 16;
     const MEDIA: u32 = MediumState::COUNT as u32 - 1;
+    /// Start of the wavelength.
+    const WAVELENGTH_AT: u32 = 22;
     /// Bits of both numbers.
     const VERTICES: u32 = (1 << Self::MEDIA_AT) - 1;
+
+    /// A path of this wavelength at its diffuse vertex of this number, at most 1023.
+    pub fn at_vertex(vertex: u32, wavelength: Option<Wavelength>) -> Self {
+        Self(vertex.min(Self::DIFFUSE)).with_wavelength(wavelength)
+    }
 
     /// Vertices at which the path scattered diffusely, in media or at surfaces.
     #[inline(always)] // part of vector loops, as the functions below
@@ -99,6 +108,25 @@ impl Depth {
     pub fn within(self, media: MediumState) -> Self {
         let others = self.0 & !(Self::MEDIA << Self::MEDIA_AT);
         Self(others | u32::from(media.0) << Self::MEDIA_AT)
+    }
+
+    /// Index of the wavelength; 0 for none.
+    #[inline(always)]
+    pub fn wavelength_index(self) -> u32 {
+        self.0 >> Self::WAVELENGTH_AT
+    }
+
+    /// The wavelength; `None` for paths of all wavelengths.
+    pub fn wavelength(self) -> Option<Wavelength> {
+        Wavelength::from_index(self.wavelength_index())
+    }
+
+    /// Sets the wavelength.
+    #[must_use]
+    pub fn with_wavelength(self, wavelength: Option<Wavelength>) -> Self {
+        let index = wavelength.map_or(0, Wavelength::index);
+        let others = self.0 & ((1 << Self::WAVELENGTH_AT) - 1);
+        Self(others | index << Self::WAVELENGTH_AT)
     }
 }
 
@@ -146,7 +174,7 @@ impl PathQueue<PathStates, 16> {
 }
 
 /// Handles a hit that [`Scene::lambertian`] leaves out. A surface that is Lambertian here sets its lane of `at`. At any
-/// other surface the path continues as `scatter` returns.
+/// other surface the path continues as `scatter` returns, with a wavelength if the surface is dispersive.
 #[inline(never)] // keeps the loops over Lambertian vertices short
 pub(super) fn at_other_surface(
     scene: &Scene,
@@ -154,15 +182,23 @@ pub(super) fn at_other_surface(
     hit: &Hit,
     at: &mut DiffuseVertices,
     lane: usize,
-    scatter: impl FnOnce(&Surface) -> Option<(Ray, PathState)>,
+    mut state: PathState,
+    scatter: impl FnOnce(&Surface, PathState) -> Option<(Ray, PathState)>,
 ) -> Option<(Ray, PathState)> {
-    let surface = scene.surface(ray, hit);
+    let mut surface = scene.surface(ray, hit);
     match surface.diffuse() {
         Some(point) => {
             at.set(lane, &point);
             None
         }
-        None => scatter(&surface),
+        None => {
+            if surface.material.dispersion.is_some() {
+                let mut wavelength = state.depth.wavelength();
+                state.weight *= surface.disperse(&mut wavelength, &mut state.rng);
+                state.depth = state.depth.with_wavelength(wavelength);
+            }
+            scatter(&surface, state)
+        }
     }
 }
 
@@ -191,5 +227,20 @@ mod tests {
             depth = depth.scattered().passed_through();
         }
         assert_eq!((depth.diffuse(), depth.passed(), depth.media()), (1023, 63, MediumState(9)));
+    }
+
+    #[test]
+    fn parts_of_depth_do_not_touch_each_other() {
+        let wavelength = Wavelength::from_index(1023);
+        let mut depth = Depth::default().with_wavelength(wavelength);
+        assert!(depth.is_start());
+        for _ in 0..2000 {
+            depth = depth.scattered().passed_through();
+        }
+        assert_eq!((depth.diffuse(), depth.passed()), (1023, 63));
+        assert_eq!(depth.wavelength(), wavelength);
+        let other = depth.with_wavelength(Wavelength::from_index(1));
+        assert_eq!((other.diffuse(), other.passed(), other.wavelength_index()), (1023, 63, 1));
+        assert_eq!(other.with_wavelength(None).wavelength(), None);
     }
 }

@@ -85,6 +85,6 @@ impl PathVisitor for Visitor<'_> {
 
     /// theory.md, section 23
     fn survival(&self, segment: u32, throughput: Rgb) -> Option<f32> {
-        (segment >= MIN_SEGMENTS).then(|| throughput.max_element().min(MAX_SURVIVAL))
+        (segment >= MIN_SEGMENTS).then(|| throughput.abs().max_element().min(MAX_SURVIVAL))
     }
 }

@@ -11,6 +11,7 @@ mod bsdf;
 mod camera_batches;
 mod cameras;
 mod crop;
+mod dispersion;
 mod goniometer;
 mod guides;
 mod hidden;

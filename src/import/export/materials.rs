@@ -6,8 +6,8 @@ use super::textures::TextureFiles;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::base::names::{Names, for_line};
-use crate::scene::Material;
 use crate::scene::bsdf::{Bsdf, FacetModel, Glossy, PrincipledParameters, Reflectance};
+use crate::scene::{Material, RefractiveIndex};
 use std::fmt::Write;
 
 /// All materials, with unique names.
@@ -63,10 +63,10 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
         }
         Bsdf::Dielectric(interface) => {
             let tint = transmittance(interface.transmittance);
-            format!("type = \"dielectric\"\n{}{tint}", indices(interface.eta)?)
+            format!("type = \"dielectric\"\n{}{tint}", media(material, interface.eta)?)
         }
         Bsdf::RoughDielectric(interface) => {
-            let indices = indices(interface.eta())?;
+            let indices = media(material, interface.eta())?;
             let tint = transmittance(interface.transmittance());
             let facets = facets(interface.model());
             let rough = roughness(interface.alpha());
@@ -195,6 +195,38 @@ fn textures<'a>(material: &'a Material, name: &str, textures: &mut TextureFiles<
         let _ = writeln!(text, "normal_scale = {}", number(map.scale));
     }
     text
+}
+
+/// Indices of both media of a dielectric.
+fn media(material: &Material, eta: f32) -> std::result::Result<String, String> {
+    let Some(dispersion) = &material.dispersion else { return indices(eta) };
+    let mut text = format!("ior = {}\n", medium(dispersion.inside()));
+    if *dispersion.outside() != RefractiveIndex::Constant(1.0) {
+        let _ = writeln!(text, "outside_ior = {}", medium(dispersion.outside()));
+    }
+    Ok(text)
+}
+
+/// The value of a key of a refractive index.
+fn medium(index: &RefractiveIndex) -> String {
+    let list = |values: &[f64]| {
+        let values: Vec<String> = values.iter().map(|value| format!("{value:?}")).collect();
+        format!("[{}]", values.join(", "))
+    };
+    match index {
+        RefractiveIndex::Constant(index) => format!("{index:?}"),
+        RefractiveIndex::Glass(_) => format!("\"{}\"", index.name().unwrap_or_default()),
+        RefractiveIndex::Cauchy(terms) => format!("{{ cauchy = {} }}", list(terms)),
+        RefractiveIndex::Sellmeier(terms) => {
+            let pairs: Vec<String> = terms.iter().map(|pair| list(pair)).collect();
+            format!("{{ sellmeier = [{}] }}", pairs.join(", "))
+        }
+        RefractiveIndex::Abbe { index, abbe } => format!("{{ d = {index:?}, abbe = {abbe:?} }}"),
+        RefractiveIndex::Table(rows) => {
+            let column = |i: usize| list(&rows.iter().map(|row| row[i]).collect::<Vec<_>>());
+            format!("{{ nanometers = {}, values = {} }}", column(0), column(1))
+        }
+    }
 }
 
 /// `ior`, and `outside_ior` if the quotient of both exceeds the bounds of one key.

@@ -42,6 +42,8 @@ pub(super) struct MaterialFactors {
     pub has_other_uvs: bool,
     /// 1.5 by default.
     pub ior: f32,
+    /// 20 over the Abbe number, 0 by default.
+    pub dispersion: f32,
     /// Factor of the reflectance at normal incidence of dielectrics. It includes the mean of its
     /// textures.
     pub specular: Rgb,
@@ -133,6 +135,11 @@ pub(super) fn factors(
             return Err(malformed(key, format!("it is {ior}, not from 0.1 to 10")));
         }
     };
+    let dispersion = extensions.dispersion.dispersion;
+    if !(0.0..=20.0).contains(&dispersion) {
+        let key = at("extensions.KHR_materials_dispersion.dispersion");
+        return Err(malformed(key, format!("it is {dispersion}, not from 0 to 20")));
+    }
     let infos = [
         pbr.base_color_texture.as_ref(),
         pbr.metallic_roughness_texture.as_ref(),
@@ -165,6 +172,7 @@ pub(super) fn factors(
         uv_source: uv_sources.first().copied(),
         has_other_uvs: uv_sources.iter().any(|uv| *uv != uv_sources[0]),
         ior,
+        dispersion,
         specular,
         transmission: red
             * share(transmission.transmission_factor, "extensions.KHR_materials_transmission")?,

@@ -27,13 +27,14 @@ const METAL_ROUGH: &str = "convert its materials: `npx @gltf-transform/cli metal
                            with metallic-roughness materials";
 
 /// The extensions that `extensionsRequired` may name.
-const SUPPORTED: [&str; 13] = [
+const SUPPORTED: [&str; 14] = [
     "EXT_lights_ies",
     "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
     "KHR_lights_punctual",
     "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
+    "KHR_materials_dispersion",
     "KHR_materials_ior",
     "KHR_materials_specular",
     "KHR_materials_transmission",

@@ -66,6 +66,8 @@ json_objects! {
     struct MaterialExtensions {
         #[serde(rename = "KHR_materials_clearcoat")]
         clearcoat: Clearcoat,
+        #[serde(rename = "KHR_materials_dispersion")]
+        dispersion: DispersionExtension,
         #[serde(rename = "KHR_materials_emissive_strength")]
         emissive_strength: EmissiveStrength,
         #[serde(rename = "KHR_materials_ior")]
@@ -90,6 +92,11 @@ json_objects! {
 
     struct EmissiveStrength {
         emissive_strength: f32 = 1.0,
+    }
+
+    struct DispersionExtension {
+        /// 20 over the Abbe number.
+        dispersion: f32,
     }
 
     struct IorExtension {

@@ -7,8 +7,9 @@ use crate::import::mtl::material::COAT_ROUGHNESS;
 use crate::import::scene_file::material::{DEFAULT_IOR, dielectric};
 use crate::import::warnings::GroupedWarnings;
 use crate::scene::bsdf::{Bsdf, Coated, Glossy, SMOOTH_ALPHA, ThinDielectric};
-use crate::scene::{Material, Medium, MediumBoundary};
+use crate::scene::{Dispersion, Material, Medium, MediumBoundary, RefractiveIndex};
 use glam::Vec3;
+use std::sync::Arc;
 
 /// The material, with warnings about properties without a counterpart; `None` if it is invisible.
 pub(super) fn material(
@@ -45,12 +46,14 @@ pub(super) fn material(
     ];
     warnings.skipped_if(phrases, name);
     let data = factors.metallic_roughness_texture.clone();
+    let is_solid = matches!(bsdf, Bsdf::Dielectric(_) | Bsdf::RoughDielectric(_));
     let interior = factors.attenuation.filter(|_| glass && factors.thick);
     let interior =
         interior.map(|(color, distance)| Medium::absorbing(name, color, distance).into());
     Some(Material {
         boundary: interior
             .map(|interior| MediumBoundary { interior: Some(interior), exterior: None }),
+        dispersion: dispersion(factors).filter(|_| is_solid).map(Arc::new),
         emission: *emission,
         albedo_texture: base_texture.clone().filter(|_| !glass),
         metallic_roughness_texture: data.filter(|_| matches!(bsdf, Bsdf::Glossy(_))),
@@ -60,6 +63,15 @@ pub(super) fn material(
         emission_texture: factors.emissive_texture.clone().filter(|_| emits),
         ..Material::new(name, bsdf)
     })
+}
+
+/// Dispersion by `KHR_materials_dispersion`, as the extension defines it: by Cauchy's equation.
+fn dispersion(factors: &MaterialFactors) -> Option<Dispersion> {
+    let abbe = f64::from(20.0 / factors.dispersion);
+    let inside = RefractiveIndex::Abbe { index: factors.ior.into(), abbe };
+    // Indices near 1 with much dispersion may fall below the minimum.
+    let inside = inside.checked().ok().filter(|_| abbe.is_finite())?;
+    Dispersion::new(inside, RefractiveIndex::Constant(1.0))
 }
 
 fn bsdf(factors: &MaterialFactors, warnings: &mut GroupedWarnings) -> Bsdf {

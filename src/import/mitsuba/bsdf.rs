@@ -1,6 +1,6 @@
 //! BSDFs as materials.
 
-use super::color::ColorUse;
+use super::color::{self, ColorUse};
 use super::document::MAX_DEPTH;
 use super::metals;
 use super::object::Object;
@@ -11,11 +11,11 @@ use crate::import::paint::Paint;
 use crate::import::scene_file::material::interface;
 use crate::import::text::list;
 use crate::import::texture_file::linear_color;
-use crate::scene::Texture;
 use crate::scene::bsdf::{
     Bsdf, Conductor, FacetModel, Facets, Plastic, Principled, PrincipledParameters, Reflectance,
     SMOOTH_ALPHA, ThinDielectric,
 };
+use crate::scene::{Dispersion, RefractiveIndex, Texture};
 use glam::Affine2;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -24,6 +24,7 @@ use std::sync::Arc;
 #[derive(Clone)]
 pub(super) struct Look {
     pub bsdf: Bsdf,
+    pub dispersion: Option<Arc<Dispersion>>,
     /// Texture that multiplies the albedo.
     pub albedo: Option<Arc<Texture>>,
     /// Texture that multiplies roughness and metallic share.
@@ -50,6 +51,7 @@ impl Look {
     fn plain(bsdf: Bsdf) -> Self {
         Self {
             bsdf,
+            dispersion: None,
             albedo: None,
             metallic_roughness: None,
             to_uv: Affine2::IDENTITY,
@@ -330,6 +332,25 @@ fn index(object: &Object, paints: &mut Paints, name: &str, default: f32) -> Resu
     Ok(known.clamp(0.1, 10.0))
 }
 
+/// A refractive index by number or name, or by a spectrum, which disperses.
+fn medium(
+    object: &Object,
+    paints: &mut Paints,
+    name: &str,
+    default: f32,
+) -> Result<RefractiveIndex> {
+    if let Some(child) = object.get(name)?
+        && matches!(&child.element().tag[..], "spectrum" | "texture")
+        && let Some((nm, values)) = color::samples(&child)?
+    {
+        return RefractiveIndex::of_samples(nm, values).map_err(|error| {
+            let advice = "give wavelengths that grow, and indices from 0.1 to 10";
+            object.error(format!("`{name}`: {}", error.problem()), advice)
+        });
+    }
+    Ok(RefractiveIndex::Constant(index(object, paints, name, default)?.into()))
+}
+
 /// Refractive index of the inside, relative to the outside.
 fn relative_index(object: &Object, paints: &mut Paints, default: f32) -> Result<f32> {
     let inside = index(object, paints, "int_ior", default)?;
@@ -350,9 +371,13 @@ fn warn_of_reflected_tint(object: &Object, paints: &mut Paints) -> Result<()> {
 }
 
 fn dielectric(object: &Object, paints: &mut Paints) -> Result<Look> {
-    let eta = relative_index(object, paints, 1.5046)?;
+    let inside = medium(object, paints, "int_ior", 1.5046)?;
+    let outside = medium(object, paints, "ext_ior", 1.000_277)?;
+    let eta = inside.at_d() as f32 / outside.at_d() as f32;
     let transmittance = transmittance(object, paints)?;
-    Ok(Look::plain(interface(eta, facets(object, paints)?, transmittance)))
+    let bsdf = interface(eta, facets(object, paints)?, transmittance);
+    let dispersion = Dispersion::new(inside, outside).map(Arc::new);
+    Ok(Look { dispersion, ..Look::plain(bsdf) })
 }
 
 /// A diffuse base under a coat.

@@ -65,13 +65,12 @@ pub(super) fn read(object: &Object, color_use: ColorUse) -> Result<ReadColor> {
             let color = own.map(|own| read(&own, color_use)).transpose()?;
             ReadColor::plain(scale * color.map_or(Rgb::ONE, |color| color.rgb))
         }
-        ("spectrum" | "texture", "regular") => regular(object, color_use)?,
-        ("spectrum" | "texture", "irregular") => {
-            let list =
-                |name: &str| object.string(name)?.map_or(Ok(vec![]), |t| object.parse_list(t));
-            spectral(list("wavelengths")?, list("values")?, color_use)
+        ("spectrum" | "texture", "regular" | "irregular") | ("spectrum", "") => {
+            match samples(object)? {
+                Some((nm, values)) => spectral(nm, values, color_use),
+                None => spectrum(object, color_use)?,
+            }
         }
-        ("spectrum", "") => spectrum(object, color_use)?,
         (tag, kind) => {
             let problem = format!("a color was expected, not <{tag} type=\"{kind}\">");
             return Err(object.error(problem, "use rgb, srgb, spectrum, blackbody or float"));
@@ -127,8 +126,18 @@ fn encoded(object: &Object) -> Result<Rgb> {
     Ok(srgb::decode(codes))
 }
 
-/// One number, or `wavelength:value` pairs, or a file of pairs.
-fn spectrum(object: &Object, color_use: ColorUse) -> Result<ReadColor> {
+/// Wavelengths, nm, and the values of a spectrum there: by lists, by `wavelength:value` pairs, or by a file of pairs.
+/// `None` if it is one number or a color.
+pub(super) fn samples(object: &Object) -> Result<Option<(Vec<f64>, Vec<f64>)>> {
+    match object.kind() {
+        "regular" => return regular(object).map(Some),
+        "irregular" => {
+            let list =
+                |name: &str| object.string(name)?.map_or(Ok(vec![]), |t| object.parse_list(t));
+            return Ok(Some((list("wavelengths")?, list("values")?)));
+        }
+        _ => {}
+    }
     let Some(text) = object.element().attribute("value") else {
         let name = object.attribute("filename")?;
         let path = object.document.find_file(object.index, name);
@@ -137,8 +146,7 @@ fn spectrum(object: &Object, color_use: ColorUse) -> Result<ReadColor> {
         let text = text::read(&path)?;
         let lines = text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#'));
         let numbers = object.parse_list(&lines.collect::<Vec<_>>().join(" "))?;
-        let (nm, values) = numbers.chunks_exact(2).map(|pair| (pair[0], pair[1])).unzip();
-        return Ok(spectral(nm, values, color_use));
+        return Ok(Some(numbers.chunks_exact(2).map(|pair| (pair[0], pair[1])).unzip()));
     };
     if text.contains(':') {
         let (mut nm, mut values) = (Vec::new(), Vec::new());
@@ -147,8 +155,13 @@ fn spectrum(object: &Object, color_use: ColorUse) -> Result<ReadColor> {
             nm.push(object.parse(at)?);
             values.push(object.parse(value)?);
         }
-        return Ok(spectral(nm, values, color_use));
+        return Ok(Some((nm, values)));
     }
+    Ok(None)
+}
+
+/// A spectrum of one number, or of three.
+fn spectrum(object: &Object, color_use: ColorUse) -> Result<ReadColor> {
     let color = rgb(object)?;
     let is_uniform = color == Rgb::splat(color.x);
     // In Mitsuba 3 one number is the same power at all wavelengths, which is not the white of D65.
@@ -159,14 +172,14 @@ fn spectrum(object: &Object, color_use: ColorUse) -> Result<ReadColor> {
 }
 
 /// Values at equal distances.
-fn regular(object: &Object, color_use: ColorUse) -> Result<ReadColor> {
+fn regular(object: &Object) -> Result<(Vec<f64>, Vec<f64>)> {
     let ends = [("wavelength_min", 360.0), ("wavelength_max", 830.0)];
     let [low, high] = ends.map(|(name, default)| Ok(object.float(name)?.unwrap_or(default)));
     let (low, high) = (low?, high?);
     let values = object.string("values")?.map_or(Ok(vec![]), |text| object.parse_list(text))?;
     let last = values.len().saturating_sub(1).max(1) as f64;
     let nm = (0..values.len()).map(|i| low + (high - low) * i as f64 / last).collect();
-    Ok(spectral(nm, values, color_use))
+    Ok((nm, values))
 }
 
 fn blackbody(object: &Object, kelvin: f64, scale: f64) -> Result<ReadColor> {

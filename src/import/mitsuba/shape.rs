@@ -201,6 +201,7 @@ impl SceneReader<'_> {
         };
         let (opacity, opacity_texture) = look.opacity.clone().unzip();
         let material = Material {
+            dispersion: look.dispersion.clone(),
             albedo_texture: look.albedo.clone(),
             metallic_roughness_texture: look.metallic_roughness.clone(),
             opacity,

@@ -8,11 +8,11 @@ use crate::base::math::Rgb;
 use crate::import::mitsuba::color::ColorUse;
 use crate::import::paint::Paint;
 use crate::import::scene_file::material::interface;
-use crate::scene::Texture;
 use crate::scene::bsdf::{
     Bsdf, Coated, Conductor, FacetModel, Facets, Glossy, Plastic, Reflectance, SMOOTH_ALPHA,
     ThinDielectric,
 };
+use crate::scene::{Dispersion, RefractiveIndex, Texture};
 use glam::Affine2;
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -44,6 +44,7 @@ pub(super) struct MaterialSource {
 pub(super) struct Look {
     pub name: String,
     pub bsdf: Bsdf,
+    pub dispersion: Option<Arc<Dispersion>>,
     /// Texture that multiplies the albedo.
     pub albedo: Option<Arc<Texture>>,
     /// Map of texture coordinates.
@@ -56,7 +57,15 @@ pub(super) struct Look {
 impl Look {
     fn plain(bsdf: Bsdf) -> Self {
         let (albedo, to_uv, normal_map) = (None, Affine2::IDENTITY, None);
-        Self { name: String::new(), bsdf, albedo, to_uv, normal_map, is_interface: false }
+        Self {
+            name: String::new(),
+            bsdf,
+            dispersion: None,
+            albedo,
+            to_uv,
+            normal_map,
+            is_interface: false,
+        }
     }
 
     /// The look of a boundary of media that does not refract.
@@ -222,9 +231,12 @@ fn make(source: &MaterialSource, textures: &mut Textures) -> Result<Look> {
             conductor(params, textures, "conductor.", owner)?
         }
         "dielectric" => {
-            let eta = spectra::index(params, "eta", 1.5, &folder)?;
+            let medium = spectra::medium(params, "eta", 1.5, &folder)?;
             let alpha = alpha(params, textures, "", name)?;
-            Look::plain(interface(eta, Facets { model: FacetModel::Correlated, alpha }, Rgb::ONE))
+            let facets = Facets { model: FacetModel::Correlated, alpha };
+            let bsdf = interface(medium.at_d() as f32, facets, Rgb::ONE);
+            let dispersion = Dispersion::new(medium, RefractiveIndex::Constant(1.0));
+            Look { dispersion: dispersion.map(Arc::new), ..Look::plain(bsdf) }
         }
         "thindielectric" => {
             let eta = spectra::index(params, "eta", 1.5, &folder)?;

@@ -319,6 +319,7 @@ impl SceneReader<'_> {
             None => alpha.color.x.clamp(0.0, 1.0),
         });
         Material {
+            dispersion: look.dispersion.clone(),
             albedo_texture: look.albedo.clone(),
             opacity,
             opacity_texture,

@@ -6,6 +6,7 @@ use crate::base::math::{Rgb, luminance};
 use crate::import::mitsuba::color::{ColorUse, spectral};
 use crate::import::mitsuba::metals;
 use crate::import::text;
+use crate::scene::RefractiveIndex;
 use glam::{DMat3, DVec3};
 use std::path::Path;
 
@@ -112,7 +113,7 @@ pub(super) fn color(
 pub(super) fn index(params: &Params, name: &str, default: f64, folder: &Path) -> Result<f32> {
     let Some(param) = params.get(name) else { return Ok(default as f32) };
     let value = match param.values.texts.first().and_then(|text| glass(text)) {
-        Some(value) => value,
+        Some(glass) => glass.at_d() as f32,
         None => {
             let color = color(param, ColorUse::Index, ColorSpace::Srgb, folder)?;
             if param.kind == "float" { color.x } else { color.y }
@@ -123,6 +124,32 @@ pub(super) fn index(params: &Params, name: &str, default: f64, folder: &Path) ->
     }
     let problem = format!("the refractive index is {value}");
     Err(param.location.error(problem, "give a number from 0.1 to 10"))
+}
+
+/// The refractive index of a dielectric, which may depend on the wavelength.
+pub(super) fn medium(
+    params: &Params,
+    name: &str,
+    default: f64,
+    folder: &Path,
+) -> Result<RefractiveIndex> {
+    let constant = || Ok(RefractiveIndex::Constant(index(params, name, default, folder)?.into()));
+    let Some(param) = params.get(name) else { return constant() };
+    let (nm, values) = match (&param.kind[..], &param.values.texts[..]) {
+        ("spectrum", [text]) => match glass(text) {
+            Some(glass) => return Ok(glass),
+            None if named(text, ColorUse::Index).is_some() => return constant(),
+            None => file(param, text, folder)?,
+        },
+        ("spectrum", []) => unzip(&param.values.numbers),
+        _ => return constant(),
+    };
+    RefractiveIndex::of_samples(nm, values).map_err(|error| {
+        let problem = format!("`{name}`: {}", error.problem());
+        param
+            .location
+            .error(problem, "give pairs of wavelengths, which grow, and indices from 0.1 to 10")
+    })
 }
 
 fn unzip(pairs: &[f64]) -> (Vec<f64>, Vec<f64>) {
@@ -210,20 +237,20 @@ fn named(name: &str, color_use: ColorUse) -> Option<Rgb> {
         let [eta, k] = if metal == "CuZn" { brass } else { metals::metal(metal)? };
         return Some(if is_index { eta } else { k });
     }
-    let index = glass(name)?;
+    let index = glass(name)?.at_d() as f32;
     (color_use == ColorUse::Index).then(|| Rgb::splat(index))
 }
 
-/// Refractive index at 587.6 nm of the glass of this name.
-fn glass(name: &str) -> Option<f32> {
-    Some(match name.strip_prefix("glass-")? {
-        "BK7" => 1.5168,
-        "BAF10" => 1.6700,
-        "FK51A" => 1.4866,
-        "LASF9" => 1.8503,
-        "SF5" | "F5" => 1.6727,
-        "SF10" | "F10" => 1.7283,
-        "SF11" | "F11" => 1.7847,
+/// The glass of this name.
+fn glass(name: &str) -> Option<RefractiveIndex> {
+    RefractiveIndex::named(match name.strip_prefix("glass-")? {
+        "BK7" => "N-BK7",
+        "BAF10" => "N-BAF10",
+        "FK51A" => "N-FK51A",
+        "LASF9" => "LASF9",
+        "SF5" | "F5" => "SF5",
+        "SF10" | "F10" => "SF10",
+        "SF11" | "F11" => "SF11",
         _ => return None,
     })
 }

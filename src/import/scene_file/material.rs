@@ -2,8 +2,9 @@
 
 use super::medium;
 use super::numbers::{
-    Albedo, Ior, MetalIndex, Metallic, NonNegative, NormalScale, Opacity, Roughness, Share,
+    Albedo, MetalIndex, Metallic, NonNegative, NormalScale, Opacity, Roughness, Share,
 };
+use super::refractive_index::Ior;
 use super::texture::{FilterKind, TextureTable, TomlTextures, Wraps};
 use crate::base::error::Error;
 use crate::base::math::Rgb;
@@ -13,7 +14,9 @@ use crate::scene::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Plastic, Principled,
     PrincipledParameters, Reflectance, RoughDielectric, SMOOTH_ALPHA, ThinDielectric,
 };
-use crate::scene::{Material, Medium, NormalMap, Sampling, Texture, Wrap};
+use crate::scene::{
+    Dispersion, Material, Medium, NormalMap, RefractiveIndex, Sampling, Texture, Wrap,
+};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -195,9 +198,13 @@ impl MaterialTable {
         let share = if self.metallic_roughness_texture.is_some() { 1.0 } else { 0.0 };
         let metallic = self.metallic.as_ref().map_or(share, |m| m.get_ref().0);
         let alpha = self.alpha()?.unwrap_or(share);
-        let ior =
-            |key: &Option<Spanned<Ior>>, default| key.as_ref().map_or(default, |i| i.get_ref().0);
-        let eta = ior(&self.ior, DEFAULT_IOR) / ior(&self.outside_ior, 1.0);
+        let ior = |key: &Option<Spanned<Ior>>, default: f32| {
+            key.as_ref()
+                .map_or(RefractiveIndex::Constant(default.into()), |i| i.get_ref().0.clone())
+        };
+        let indices = [ior(&self.ior, DEFAULT_IOR), ior(&self.outside_ior, 1.0)];
+        let [inside, outside] = indices.each_ref().map(|medium| medium.at_d() as f32);
+        let eta = inside / outside;
         let transmittance = rgb(&self.transmittance).unwrap_or(Rgb::ONE);
         let bsdf = match self.kind {
             MaterialKind::Lambertian => Bsdf::Lambertian { albedo, two_sided: self.is_two_sided() },
@@ -237,7 +244,15 @@ impl MaterialTable {
         };
         let default = if self.emission_texture.is_some() { Rgb::ONE } else { Rgb::ZERO };
         let mut texture = |key| self.texture(key, textures);
+        let dispersion = match self.kind {
+            MaterialKind::Dielectric => {
+                let [inside, outside] = indices;
+                Dispersion::new(inside, outside).map(Arc::new)
+            }
+            _ => None,
+        };
         Ok(Material {
+            dispersion,
             emission: self.emission.map_or(default, |emission| emission.0),
             albedo_texture: texture(&self.albedo_texture)?,
             metallic_roughness_texture: texture(&self.metallic_roughness_texture)?,

@@ -8,6 +8,7 @@ pub(super) mod material;
 pub(super) mod medium;
 pub(super) mod meter;
 pub(super) mod numbers;
+mod refractive_index;
 pub(super) mod sky;
 pub(super) mod texture;
 

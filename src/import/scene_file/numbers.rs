@@ -59,9 +59,6 @@ bounded! {
     /// Absorption or scattering coefficient, 1/scene unit, per channel.
     Coefficient(Rgb), 0.0, 1e9, "the coefficient is out of range",
     "give one number per scene unit, or one per channel, from 0 to 1e9";
-    /// Refractive index of a clear medium.
-    Ior(f32), 0.1, 10.0, "the refractive index is out of range",
-    "give a number from 0.1 to 10, such as 1.5 for glass";
     /// Real part of a metal's refractive index.
     MetalIndex(Rgb), 1e-3, 100.0, "the refractive index is out of range",
     "give a number from 0.001 to 100, or one per channel";

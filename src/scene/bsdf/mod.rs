@@ -333,6 +333,16 @@ impl Bsdf {
         }
     }
 
+    /// The BSDF of an interface with another index behind it over that in front; others do not change.
+    #[must_use]
+    pub(crate) fn with_index(self, eta: f32) -> Self {
+        match self {
+            Self::Dielectric(interface) => Self::Dielectric(Dielectric { eta, ..interface }),
+            Self::RoughDielectric(interface) => Self::RoughDielectric(interface.with_index(eta)),
+            other => other,
+        }
+    }
+
     /// Samples the direction of the next segment; `None` where all is absorbed.
     pub fn sample(
         &self,

@@ -37,6 +37,12 @@ impl RoughDielectric {
         Self { transmittance, ..self }
     }
 
+    /// The interface with another refractive index behind the surface over that in front.
+    #[must_use]
+    pub(super) fn with_index(self, eta: f32) -> Self {
+        Self { eta, ..self }
+    }
+
     /// Factor of light that crosses the interface.
     pub fn transmittance(&self) -> Rgb {
         self.transmittance

@@ -29,13 +29,14 @@ pub(super) fn reached(scene: &Scene, accel: &dyn Intersect, surfaces: &dyn Surfa
 
 fn trace(scene: &Scene, accel: &dyn Intersect, marks: &Marks, rng: &mut Rng) {
     let emission = scene.lights().emit(rng);
-    let mut ray = Ray::new(emission.origin, emission.direction);
+    let (mut ray, mut wavelength) = (Ray::new(emission.origin, emission.direction), None);
     for _ in 0..MOST_VERTICES {
         let hit = accel.closest_hit(&ray);
         if hit.is_miss() {
             return;
         }
-        let surface = scene.surface(&ray, &hit);
+        let mut surface = scene.surface(&ray, &hit);
+        let _ = surface.disperse(&mut wavelength, rng);
         // Light that ends at a black back does not mark it: the back bounds something solid.
         let Some(sample) = surface.scatter_flux(rng) else { return };
         marks.add(hit.mesh, hit.triangle, surface.front);

@@ -5,6 +5,7 @@ use super::room::Room;
 use super::{CameraPass, CameraPaths, Connections};
 use crate::accel::{Hit, HitPacket, Ray};
 use crate::base::math::Rgb;
+use crate::base::spectrum::Wavelength;
 use crate::scene::{Media, MediumState, Receiver};
 use crate::transport::free_flight::{MediumVertex, Passed, travel};
 use crate::transport::light_paths::survival;
@@ -27,6 +28,8 @@ pub struct MediumPoint {
     pub direction: Vec3,
     /// Asymmetry parameter of the medium's phase function.
     pub asymmetry: f32,
+    /// Wavelength of the path; `None` for all wavelengths.
+    pub wavelength: Option<Wavelength>,
     /// The media around the point: photons in others do not count.
     pub within: MediumState,
     /// Surfaces that cut the ball of the kernel.
@@ -123,6 +126,7 @@ impl CameraPaths {
         if pass.gathers_at(number) {
             let (path, weight, asymmetry) = (state.path, state.weight, medium.asymmetry);
             let (vertex, within) = (number, state.depth.media());
+            let wavelength = state.depth.wavelength();
             let radius = pass.settings.reach() * pass.settings.medium_scale as f32;
             let room = Room::around(pass.scene, pass.accel, position, radius);
             self.medium_points.push(MediumPoint {
@@ -132,6 +136,7 @@ impl CameraPaths {
                 vertex,
                 direction,
                 asymmetry,
+                wavelength,
                 within,
                 room,
             });

@@ -14,7 +14,7 @@ use super::gather::{GatherPoints, GatherView};
 use super::light_paths::survival;
 use super::mis::Mis;
 use super::path_queue::{Columns, PathQueue};
-use super::path_state::{Depth, PathStates, at_other_surface};
+use super::path_state::{Depth, PathState, PathStates, at_other_surface};
 use crate::accel::{Coherence, HitPacket, Intersect};
 use crate::base::math::Rgb;
 use crate::base::rng::{StreamKey, camera_path_index};
@@ -283,10 +283,17 @@ impl CameraPaths {
             }
             for lane in lanes_of(rest.others) {
                 let (ray, state) = states.get(lane);
-                let scatter = |surface: &Surface| self.scatter_other(pass, surface, state);
-                if let Some((ray, state)) =
-                    at_other_surface(pass.scene, &ray, &hits.get(lane), &mut at, lane, scatter)
-                {
+                let scatter =
+                    |surface: &Surface, state: PathState| self.scatter_other(pass, surface, state);
+                if let Some((ray, state)) = at_other_surface(
+                    pass.scene,
+                    &ray,
+                    &hits.get(lane),
+                    &mut at,
+                    lane,
+                    state,
+                    scatter,
+                ) {
                     self.next.push_state(&ray, &state);
                 }
             }
@@ -343,7 +350,7 @@ impl CameraPaths {
             goes_on[lane] = at.active[lane] & pass.goes_on_from(vertex[lane]);
         }
         if any(&gathers) {
-            self.gather_points.push_diffuse(&gathers, at, &weights, &states.path, &vertex);
+            self.gather_points.push_diffuse(&gathers, at, &weights, &states.path, &states.depth);
             if let Some(mis) = &mis {
                 self.set_point_partials(mis, at, &vertex, &earlier);
             }

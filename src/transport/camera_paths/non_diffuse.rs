@@ -153,11 +153,19 @@ impl CameraPaths {
 
     /// Stores a gather point with the BSDF in one of `views`.
     fn gather(&mut self, surface: &Surface, state: &PathState, view: u32) {
-        let vertex = state.depth.diffuse() + 1;
         let Surface { position, facet, normal, .. } = *surface;
-        let (path, weight) = (state.path, state.weight);
-        let point = GatherPoint { position, path, weight, vertex, normal, facet, view };
-        self.gather_points.push(&point);
+        let PathState { path, weight, depth, .. } = *state;
+        let (vertex, wavelength) = (depth.diffuse() + 1, depth.wavelength());
+        self.gather_points.push(&GatherPoint {
+            position,
+            path,
+            weight,
+            vertex,
+            wavelength,
+            normal,
+            facet,
+            view,
+        });
         if self.mis.is_some() {
             self.gather_points.set_earlier_merges(self.arriving_merges(path));
         }
@@ -191,7 +199,8 @@ const LONG_CHAIN_END: f32 = 0.1;
 /// Plays roulette where a path passes through a vertex, and returns whether it survives.
 fn survives_passing(state: &mut PathState) -> bool {
     state.depth = state.depth.passed_through();
-    let share = state.weight.max_element() * state.inverse_start;
+    // Channels of a path with a wavelength may be negative.
+    let share = state.weight.abs().max_element() * state.inverse_start;
     // theory.md (44)
     let mut survival = (share / WEIGHT_FLOOR).min(1.0);
     if state.depth.passed() >= LONG_CHAIN {

@@ -7,6 +7,7 @@ use super::super::photon::{Photon, PhotonClass};
 use super::super::photon_map::{PhotonMap, Range, Ranges};
 use super::{MAX_PAIRS, Merge, PathSums};
 use crate::base::math::{LUMINANCE, Rgb};
+use crate::base::spectrum::Wavelength;
 use crate::scene::henyey_greenstein;
 use crate::simd::{LANES, Vec3s};
 use std::array::from_fn;
@@ -104,7 +105,13 @@ impl MediumMerge<'_> {
             }
             let cos = photon.direction().dot(point.direction);
             let kernel = henyey_greenstein(point.asymmetry, cos) * inverse_volume[of];
-            let light = point.weight * photon.flux * kernel;
+            let mut light = point.weight * photon.flux * kernel;
+            if let Some(own) = point.wavelength
+                && let Some(other) = Wavelength::from_index(photon.wavelength_index())
+            {
+                // theory.md (47m)
+                light *= own.merge_factor(other);
+            }
             found.all[of] += light;
             let inside = [0, 1].map(|at| distance2 <= nested2[at][of]);
             if inside[1] {

@@ -380,8 +380,9 @@ impl<'a> Merge<'a> {
     /// The query of the gather point in the lane of this number.
     #[inline(always)] // vectorized
     fn query(&self, point: &GatherPoint, number: usize) -> MergeQuery {
-        let GatherPoint { position, normal, vertex, view, facet, .. } = *point;
-        let kind = QueryKind::new(vertex == self.merge_vertex, view != GatherPoint::NO_VIEW);
+        let GatherPoint { position, normal, vertex, wavelength, view, facet, .. } = *point;
+        let one_by_one = (view != GatherPoint::NO_VIEW) | wavelength.is_some();
+        let kind = QueryKind::new(vertex == self.merge_vertex, one_by_one);
         let excluded = self.kernel.excluded_side(facet);
         MergeQuery { position, point: number as u32, normal, kind, excluded, zone: 0 }
     }
@@ -407,7 +408,7 @@ impl<'a> Merge<'a> {
         for lane in (0..LANES).filter(|&lane| packet.gathers[lane] & lit[lane]) {
             let (path, weight) = (packet.path[lane] as usize, weights.get(lane));
             to.sums[path] += contributions.get(lane);
-            if self.options.records_caustics && packet.vertex[lane] == 1 {
+            if self.options.records_caustics && packet.depth[lane].diffuse() == 1 {
                 let class = PhotonClass::Caustic as usize;
                 let caustic = flux[class].get(lane);
                 if caustic != Rgb::ZERO {

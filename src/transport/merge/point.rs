@@ -11,6 +11,7 @@ use super::super::photon_map::{
 };
 use super::{Batch, Merge};
 use crate::base::math::{LUMINANCE, Rgb};
+use crate::base::spectrum::Wavelength;
 use crate::simd::eight::Eight;
 
 impl Merge<'_> {
@@ -23,8 +24,8 @@ impl Merge<'_> {
         pairs: &mut PairList,
     ) -> MergedFlux {
         let query = search.query;
-        if query.kind.is_directional() {
-            return self.merge_directional::<PAIRS>(batch.paths, search, pairs);
+        if query.kind.is_one_by_one() {
+            return self.merge_one_by_one::<PAIRS>(batch.paths, search, pairs);
         }
         let Some(mis) = self.options.mis else {
             return self.merge_lambertian::<E, PAIRS>(batch, search, &Unweighted, 1.0, pairs);
@@ -88,9 +89,9 @@ impl Merge<'_> {
         }
     }
 
-    /// Merges photons where the BSDF depends on their directions.
+    /// Merges photons where the BSDF depends on their directions, or the camera path has a wavelength.
     #[inline(never)] // keeps the common case short
-    fn merge_directional<const PAIRS: bool>(
+    fn merge_one_by_one<const PAIRS: bool>(
         &self,
         paths: &CameraPaths,
         search: &PointSearch,
@@ -98,24 +99,38 @@ impl Merge<'_> {
     ) -> MergedFlux {
         let number = search.query.point as usize;
         let point = paths.gather_points.at(number);
-        let view = &paths.views[point.view as usize];
+        let view = paths.views.get(point.view as usize);
         let (kernel, to_luminance) = (&search.kernel, to_luminance(&point, search));
         let (mut sums, mut nested, mut count) = (MergedFlux::default(), [0.0; 2], 0);
         let Admission { nested2, .. } = self.admission;
-        let of_point = |mis| (mis, paths.gather_points.mis_partials(number).earlier);
-        let mis = self.options.mis.map(of_point);
+        let mis = self.options.mis.map(|mis| (mis, paths.gather_points.mis_partials(number)));
         self.map.for_each_in(search.ranges, point.position, |photon, distance2, mis_partials| {
             let class = photon.class();
             let counts =
                 search.query.kind.all_classes() || mis.is_some() || class == PhotonClass::Caustic;
             let min_radius2 = self.admission.min_radius2(photon, distance2, point.position);
             if counts && self.admission.admits(photon, min_radius2, search.query) {
-                // theory.md (46)
-                let wi = photon.from_as_at(point.normal);
-                let mut flux = photon.flux * view.value_from(wi, &point);
-                if let Some((mis, earlier)) = mis {
-                    let photon = MergedPhoton { class, mis_partials, wi };
-                    flux *= mis.directional_weight(view, &point, earlier, &photon);
+                let mut flux = photon.flux;
+                if let Some(own) = point.wavelength
+                    && let Some(other) = Wavelength::from_index(photon.wavelength_index())
+                {
+                    // theory.md (47m)
+                    let factor = own.merge_factor(other);
+                    if factor == Rgb::ZERO {
+                        return;
+                    }
+                    flux *= factor;
+                }
+                if let Some(view) = view {
+                    // theory.md (46)
+                    let wi = photon.from_as_at(point.normal);
+                    flux *= view.value_from(wi, &point);
+                    if let Some((mis, partials)) = mis {
+                        let photon = MergedPhoton { class, mis_partials, wi };
+                        flux *= mis.directional_weight(view, &point, partials.earlier, &photon);
+                    }
+                } else if let Some((mis, partials)) = mis {
+                    flux *= mis.lambertian_weight(&point, partials, class, mis_partials);
                 }
                 sums.all[self.admission.sum_of(class)] += flux;
                 if min_radius2 <= nested2[1][class as usize] {

@@ -57,6 +57,7 @@ fn camera_paths(count: u32) -> CameraPaths {
                 path,
                 weight,
                 vertex,
+                wavelength: None,
                 normal,
                 view,
                 facet: TriangleSide::default(),

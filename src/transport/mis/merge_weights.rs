@@ -106,6 +106,18 @@ impl PhotonWeights for CutWeights {
 }
 
 impl Mis {
+    /// Weight of a merge of a photon at `point`, where the BSDF is constant, with the partials of both.
+    pub(crate) fn lambertian_weight(
+        &self,
+        point: &GatherPoint,
+        partials: &GatherPartials,
+        class: PhotonClass,
+        mis_partials: PhotonPartials,
+    ) -> f32 {
+        let inverse_scale = self.balance.inverse_scales()[class as usize];
+        merge_weight(partials, inverse_scale, mis_partials[point.vertex as usize - 1])
+    }
+
     /// Weight of a merge of `photon` at `point`. `earlier` is the sum of the camera path's partial where it arrives.
     pub(crate) fn directional_weight(
         &self,

@@ -31,10 +31,10 @@ pub struct MergeQuery {
 pub struct QueryKind(u8);
 
 impl QueryKind {
-    /// Photons of all classes count, not only caustic photons; the BSDF depends on the photons' directions.
+    /// Photons of all classes count, not only caustic photons; photons are merged one by one.
     #[inline(always)] // vectorized, as the functions below
-    pub fn new(all_classes: bool, directional: bool) -> Self {
-        Self(u8::from(all_classes) | u8::from(directional) << 1)
+    pub fn new(all_classes: bool, one_by_one: bool) -> Self {
+        Self(u8::from(all_classes) | u8::from(one_by_one) << 1)
     }
 
     /// Photons of all classes count.
@@ -43,9 +43,9 @@ impl QueryKind {
         self.0 & 1 != 0
     }
 
-    /// The BSDF depends on the photons' directions.
+    /// Photons are merged one by one: the BSDF depends on their directions, or the camera path has a wavelength.
     #[inline(always)]
-    pub fn is_directional(self) -> bool {
+    pub fn is_one_by_one(self) -> bool {
         self.0 & 2 != 0
     }
 }
