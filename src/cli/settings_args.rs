@@ -25,7 +25,7 @@ pub struct SettingsArgs {
     /// Merge caustic photons within R [default: a quarter of --radius]
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub caustic_radius: Option<Length>,
-    /// Merge photons in media within F times the radii at surfaces [default: 4]
+    /// Merge photons in media within F times the radii at surfaces [default: 2]
     #[arg(long, value_name = "F")]
     pub medium_scale: Option<f64>,
     /// Keep or reduce the merge bias [default: reduce if radii are chosen, else keep]

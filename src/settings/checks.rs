@@ -151,7 +151,7 @@ pub(super) fn check_medium_scale(&scale: &f64) -> Result<()> {
     let (least, most) = (MEDIUM_SCALES.start(), MEDIUM_SCALES.end());
     Err(Error::new(
         format!("the radii in media are {scale} times those at surfaces"),
-        format!("give a factor from {least} to {most}, such as 4"),
+        format!("give a factor from {least} to {most}, such as 2"),
     ))
 }
 

@@ -184,7 +184,7 @@ settings! {
 
     /// Radii of merges in media over those at surfaces.
     #[serde(deserialize_with = "read::medium_scale")]
-    medium_scale: f64 as f64 = 4.0, check_medium_scale;
+    medium_scale: f64 as f64 = 2.0, check_medium_scale;
 
     /// Treatment of the merge bias.
     bias: Bias as Bias = Bias::default(), any;
@@ -350,7 +350,7 @@ mod tests {
             camera_paths: 4,
             radius: 0.5,
             caustic_radius: 0.125,
-            medium_scale: 4.0,
+            medium_scale: 2.0,
             bias: Bias::Keep,
             kernel: Kernel::Area,
             merge_vertex: 2,

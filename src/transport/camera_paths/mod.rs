@@ -447,7 +447,7 @@ impl CameraPaths {
 
     /// Adds the contributions of all connections that nothing blocks.
     fn add_connections(&mut self, pass: &CameraPass, coherence: Coherence) {
-        let accel = pass.accel;
+        let (accel, media) = (pass.accel, pass.scene.media());
         let count = self.shadow_rays.len();
         let rays = vectorized(
             #[inline(always)]
@@ -464,8 +464,8 @@ impl CameraPaths {
                 let contribution = connections.contribution.get(lane);
                 let mut visible = if *occluded { Rgb::ZERO } else { contribution };
                 let path = connections.path[lane];
-                if visible != Rgb::ZERO
-                    && let Some(media) = pass.scene.media()
+                if let Some(media) = media
+                    && visible != Rgb::ZERO
                 {
                     let target = connections.origin.get(lane);
                     let segment = [target + connections.direction.get(lane), target];
