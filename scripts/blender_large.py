@@ -1,5 +1,5 @@
-"""How long large scenes take from F12 to the first picture: 10^6 triangles with texture coordinates and normals, and
-10^5 instances, each rendered, then rendered again with the camera moved. Run it in Blender, or with Python and bpy:
+"""Measures the time from F12 to the first picture of large scenes: 10^6 triangles with texture coordinates and normals,
+and 10^5 instances, each rendered, then rendered again with the camera moved. Run it in Blender, or with Python and bpy:
 
     blender --background --python scripts/blender_large.py
 """

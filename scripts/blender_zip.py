@@ -2,7 +2,7 @@
 
     python3 scripts/blender_zip.py OUT.zip [PROGRAM]
 
-With PROGRAM, the add-on brings that copy of bdpm along, in its folder `bin`; Embree has to be where the copy finds it.
+With PROGRAM, the add-on contains that copy of bdpm, in its folder `bin`; Embree has to be where the copy finds it.
 """
 
 import pathlib

@@ -121,7 +121,7 @@ class Series:
         count = len(images)
         self.channels, self.channel_error = means.mean(axis=0), means.std(axis=0, ddof=1) / count**0.5
         self.blocks, self.block_error = parts.mean(axis=0), parts.std(axis=0, ddof=1) / count**0.5
-        # Of the mean's luminance, per pixel.
+        # Luminance of the mean and its variance, per pixel.
         lit = np.array([luminance(image) for image in images])
         self.luminance, self.variance = lit.mean(axis=0), lit.var(axis=0, ddof=1) / count
 
@@ -223,7 +223,8 @@ def whole(path, size, seconds, runs, long):
                 image, own = with_mitsuba(scene, kind, count[kind], seed)
             images[kind].append(image)
             took.setdefault(kind, []).append(own)
-    # Bias goes with the square of the radii: of a third it is a ninth, and the reference tells that of the runs.
+    # The bias is proportional to the square of the radii. At a third of them it is a ninth, so that the difference to
+    # the reference is the bias of the runs.
     radii = {name: min(r["settings"][name] for r in reports) / 3 for name in ("radius", "caustic_radius")}
     options = ["--radius", str(radii["radius"]), "--caustic-radius", str(radii["caustic_radius"])]
     samples = max(1, round(count["path"] * long / (PARTS * seconds)))

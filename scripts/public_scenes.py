@@ -41,7 +41,7 @@ class Judge:
             try:
                 mitsuba.set_variant(variant)
                 mitsuba.set_log_level(mitsuba.LogLevel.Error)
-                # Of one thread an environment map waits forever while it is read
+                # With one thread, reading an environment map waits forever
                 drjit.set_thread_count(2)
                 box = mitsuba.load_dict(mitsuba.cornell_box())
                 drjit.eval(mitsuba.render(box, spp=1))

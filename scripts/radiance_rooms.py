@@ -2,7 +2,7 @@
 """Illuminance grids in five rooms, by `bdpm measure` and by `rtrace -I` of Radiance.
 
 Each room is written twice, as a scene file and as a Radiance scene, from the same list of polygons. All reflectances are
-gray and diffuse. The result is 0 if both agree in all rooms.
+gray and diffuse. The result is 0 if both agree in every room.
 
     python3 -m venv VENV && VENV/bin/pip install pyradiance==1.3.1 numpy
     VENV/bin/python scripts/radiance_rooms.py                # all rooms
@@ -27,8 +27,8 @@ ROOT = Path(__file__).resolve().parent.parent
 BDPM = os.environ.get("BDPM", ROOT / "target/release/bdpm")
 # Lumens per watt of light of luminance 1, as docs/reference/scene-format.md defines it.
 EFFICACY = 683.0
-# Settings of rtrace: its defaults with one bounce, those of "accurate" and "very accurate" in the usual tables of its
-# documentation (rpict.options), and one that has no irradiance cache, so that only its noise is left.
+# Settings of rtrace: its defaults with one bounce, and "accurate" and "very accurate" of the usual tables of its
+# documentation (rpict.options). The last has no irradiance cache, so that only its noise is left.
 SETTINGS = {
     "defaults, -ab 1": ["-ab", "1"],
     "accurate": "-ab 2 -aa .15 -ar 128 -ad 512 -as 256 -dt .05 -dc .5 -ds .15".split(),
