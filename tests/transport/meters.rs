@@ -311,3 +311,23 @@ fn scenes_with_only_some_of_their_lights_have_their_power() {
     let dark = scene.with_only(&[]).unwrap();
     assert!(dark.lights().is_empty());
 }
+
+#[test]
+fn luminous_openings_shine_only_in_scenes_that_have_their_material() {
+    let scene = boxes::luminaires();
+    let sources = scene.light_sources();
+    assert_eq!(sources.len(), 3, "{sources:?}");
+    let power = |scene: &Scene| f64::from(scene.lights().power().x);
+    let alone: Vec<f64> = sources
+        .iter()
+        .map(|(source, _)| power(&scene.with_only(std::slice::from_ref(source)).unwrap()))
+        .collect();
+    // All have the same distribution, with these factors.
+    for (part, factor) in alone.iter().zip([0.5, 0.6, 0.4]) {
+        let expected = alone[0] * factor / 0.5;
+        assert!((part / expected - 1.0).abs() < 1e-5, "{alone:?}");
+    }
+    let all = power(&scene);
+    assert!((alone.iter().sum::<f64>() / all - 1.0).abs() < 1e-5, "{alone:?} {all}");
+    assert!(scene.with_only(&[]).unwrap().lights().is_empty());
+}
