@@ -268,8 +268,12 @@ impl MeasureJob {
                 };
                 let of_kind =
                     OneKind { job: &self, scene, accel: &accel, kind: *kind, sets: &sets };
-                let (readings, technique) = of_kind.run(target, time, &mut watched)?;
+                let (readings, result) = of_kind.run(target, time, &mut watched)?;
+                let technique = technique(&result);
                 measurement.techniques.push(format!("{name}, {}: {technique}", quantity(*kind)));
+                let known = &measurement.warnings;
+                let warning = unknown_bias(&result).filter(|warning| !known.contains(warning));
+                measurement.warnings.extend(warning);
                 for ((index, _), (readings, mean)) in sets.iter().zip(readings) {
                     measurement.sets[*index].add_group(name, readings, mean);
                 }
@@ -319,6 +323,13 @@ fn missing_light(scene: &Scene) -> Option<String> {
     (is_delta && scene.placements().iter().any(passes)).then(|| text.to_owned())
 }
 
+/// A warning if the merge bias of a render is unknown: nested radii are measured only where the pilot ran.
+fn unknown_bias(result: &RenderResult) -> Option<String> {
+    let merges = result.state.provenance.settings.has_photons();
+    let text = "path counts are fixed, so that the merge bias is not measured: uncertainties are those of the noise";
+    (merges && result.selection().is_none()).then(|| text.to_owned())
+}
+
 fn empty_readings(set: &MeterSet) -> SetReadings {
     SetReadings {
         name: set.name.clone(),
@@ -348,7 +359,7 @@ impl OneKind<'_> {
         target: Option<f64>,
         time: Option<Duration>,
         watched: &mut dyn FnMut(f64, u64) -> ControlFlow<()>,
-    ) -> Result<(Vec<OfSet>, String)> {
+    ) -> Result<(Vec<OfSet>, RenderResult)> {
         let job = self.job;
         let meters: Vec<_> = self.sets.iter().flat_map(|(_, set)| set.meters.clone()).collect();
         let resolution = Some([meters.len() as u32, 1]);
@@ -386,7 +397,7 @@ impl OneKind<'_> {
             }
             watched(worst, iterations)
         })?;
-        Ok((readings(&result.state, &series, &columns), technique(&result)))
+        Ok((readings(&result.state, &series, &columns), result))
     }
 
     /// Columns of the image for each set.

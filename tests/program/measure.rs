@@ -96,6 +96,20 @@ fn lights_that_are_measured_apart_add_up_to_all() {
 }
 
 #[test]
+fn unmeasured_merge_bias_is_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    let meters = meters(folder.path());
+    let notes = |strategy: &str| {
+        let counts = ["--light-paths", "1000", "--camera-paths", "2", "--time", "200ms", "--json"];
+        let own = [OFFICE, "--meters", &meters, "--strategy", strategy];
+        json(&measure(&[&own[..], &counts].concat()))["notes"].to_string()
+    };
+    let (merges, traces) = (notes("single"), notes("path"));
+    assert_eq!(merges.matches("merge bias is not measured").count(), 1, "{merges}");
+    assert_eq!(traces, "[]");
+}
+
+#[test]
 fn bad_meters_are_refused_with_their_line() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str, text: &str| {
