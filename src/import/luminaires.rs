@@ -24,6 +24,8 @@ pub(super) struct PlacedLuminaire {
     pub position: Vec3,
     /// Radiant intensity per candela, W/(sr cd).
     pub factor: Rgb,
+    /// True if camera rays pass the opening.
+    pub is_hidden: bool,
 }
 
 /// Axes of a luminaire: its nadir points along `direction`, by default -y, and C0 toward `c0`, by default +x. The turn
@@ -64,7 +66,8 @@ impl Builder {
     /// # Errors
     /// If it is outside of the range of coordinates. The error names no file.
     pub fn add_luminaire(&mut self, luminaire: PlacedLuminaire) -> Result<Option<Emitter>> {
-        let PlacedLuminaire { name, distribution, opening, axes, position, factor } = luminaire;
+        let PlacedLuminaire { name, distribution, opening, axes, position, factor, is_hidden } =
+            luminaire;
         if position.abs().max_element() > MAX_COORDINATE {
             let problem = format!("the position of the luminaire is beyond {MAX_COORDINATE:e}");
             return Err(Error::new(problem, "scale the scene down"));
@@ -78,7 +81,8 @@ impl Builder {
         let black = Material::new(&name, Bsdf::diffuse(Rgb::ZERO));
         let luminous_opening = Some(Arc::new(opening));
         let material = self.materials.len() as u32;
-        self.materials.push(Material { luminous_opening, ..black });
+        let hidden_from_camera = is_hidden;
+        self.materials.push(Material { luminous_opening, hidden_from_camera, ..black });
         let part = MaterialMesh { mesh: Arc::new(mesh), material };
         self.place(Some(&name), &[part], &Transform::IDENTITY).ok_or_else(|| {
             let problem = "the luminaire is outside of the range of coordinates";

@@ -278,7 +278,8 @@ fn luminaires_in_scenes_face_as_told() {
 
 #[test]
 fn openings_become_surfaces_of_the_stated_size() {
-    let loaded = scene("file = \"quarter.ies\"\nposition = [0, 1, 0]").unwrap();
+    let text = |own: &str| format!("file = \"quarter.ies\"\nposition = [0, 1, 0]\n{own}");
+    let [loaded, hidden] = ["", "hidden = true"].map(|own| scene(&text(own)).unwrap());
     let scene = &loaded.scene;
     assert_eq!(scene.triangle_count(), 2 + 12);
     assert!(matches!(scene.lights().emitters(), [Emitter::Opening(_)]));
@@ -286,6 +287,11 @@ fn openings_become_surfaces_of_the_stated_size() {
     // Length along C0, here x; the floor is from -1 to 1.
     assert!((bounds.max.y - 1.025).abs() < 1e-6, "{bounds:?}");
     assert!(!loaded.warnings_text().contains(".ies"), "{}", loaded.warnings_text());
+    let is_hidden = |scene: &bdpm::Scene| {
+        let mut openings = scene.materials().iter().filter(|one| one.luminous_opening.is_some());
+        openings.next().unwrap().hidden_from_camera
+    };
+    assert!(!is_hidden(scene) && is_hidden(&hidden.scene));
 }
 
 #[test]

@@ -32,6 +32,9 @@ pub(in crate::import) struct LuminaireTable {
     color: Option<NonNegative>,
     #[serde(default)]
     opening: OpeningChoice,
+    /// Whether camera rays pass the opening.
+    #[serde(default)]
+    hidden: bool,
 }
 
 /// Whether the luminous opening of the file is built.
@@ -92,6 +95,7 @@ impl LuminaireTable {
             axes,
             position,
             factor,
+            is_hidden: self.hidden,
         };
         let notes = read.notes.iter().map(|note| format!("{}: {note}", path.display()));
         Ok((luminaire, notes.collect()))
