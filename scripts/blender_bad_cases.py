@@ -43,7 +43,7 @@ def run(prepare):
             assert left_behind() == before, f"left behind: {left_behind() - before}"
             assert threading.active_count() <= threads + 1, "left threads behind"
             print(f":: bad case {check.__name__:32} ok", flush=True)
-        except Exception as error:  # noqa: BLE001, each failure is told and counted
+        except Exception as error:  # noqa: BLE001, each failure is printed and counted
             failed.append(check.__name__)
             print(f":: bad case {check.__name__:32} BAD  {type(error).__name__}: {error}", flush=True)
         finally:
@@ -59,7 +59,7 @@ def left_behind():
 
 
 def render(scene, folder):
-    """What the render told: its report. Blender itself raises an error after an engine's."""
+    """The report of a render. Blender itself raises an error after an engine's."""
     scene.render.filepath = os.path.join(folder, "out.exr")
     bdpm_render.reports.begin(scene.name)
     try:
@@ -193,6 +193,22 @@ def missing_texture(scene, folder):
     elements.light("POINT")
     report = works(scene, folder)
     assert any("gone" in line for line in report.remarks), report.remarks
+
+
+@case
+def missing_ies_files(scene, folder):
+    """A file that is not there, a text that is no IES file, and neither: each is named, and the light still shines."""
+    elements.stage()
+    broken = bpy.data.texts.new("broken text")
+    broken.write("no such format")
+    for path, text in (("gone.ies", None), (None, broken), (None, None)):
+        lamp = elements.light("POINT", energy=1)
+        node = elements.ies(lamp, os.path.join(folder, path) if path else None)
+        if path is None:
+            node.mode, node.ies = "INTERNAL", text
+    remarks = works(scene, folder).remarks
+    for word in (os.path.join(folder, "gone.ies"), "broken text", "none is selected"):
+        assert any(word in line for line in remarks), (word, remarks)
 
 
 @case

@@ -21,7 +21,7 @@ THREADS = int(os.environ.get("THREADS", 0))
 OPTIONS = "--light-paths 20000 --camera-paths 4 --radius 0.4%"
 ITERATIONS = 48
 SAMPLES = 256
-# Largest score of a block against both images' noise and one percent of its mean, which is not told apart.
+# Largest score of a block against both images' noise and one percent of its mean, which counts as equal.
 LARGEST_SCORE = 5.0
 UNRESOLVED = 0.01
 
@@ -98,8 +98,8 @@ def check(element, folder):
     worst = np.abs(scores).max()
     good = off <= element.tolerance and (element.is_approximate or worst <= LARGEST_SCORE)
     remarks = bdpm_render.reports.of(bpy.context.scene.name).remarks
-    if element.is_approximate and element.is_told and not remarks:
-        good, remarks = False, ["nothing was told"]
+    if element.is_approximate and element.is_reported and not remarks:
+        good, remarks = False, ["nothing was reported"]
     if not element.is_approximate and remarks:
         good = False
     percent = " ".join(f"{100 * (one - 1):+6.2f}" for one in ratio)
@@ -128,4 +128,5 @@ def main():
     print(f"blender-check: all is well (Blender {bpy.app.version_string})")
 
 
-main()
+if __name__ == "__main__":
+    main()

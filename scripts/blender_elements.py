@@ -1,10 +1,13 @@
 """Small scenes for blender_check.py: one for every light, camera and world; materials are in blender_materials.py."""
 
 import math
+import os
 from dataclasses import dataclass
 
 import bpy
 import numpy as np
+
+PHOTOMETRY = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "tests", "data", "photometry")
 
 ALL = []
 EXACT = 0.01
@@ -21,16 +24,16 @@ class Element:
     tolerance: float = EXACT
     # Whether both show something else, so that scores mean nothing, and whether the add-on has to tell of it.
     is_approximate: bool = False
-    is_told: bool = True
+    is_reported: bool = True
     effort: float = 1.0
 
 
-def element(name, tolerance=None, told=True, effort=1.0, old=None):
+def element(name, tolerance=None, reported=True, effort=1.0, old=None):
     """Adds a scene: with a tolerance it is approximated; `old` is that for Blender 3."""
     tolerance = old if IS_OLD and old else tolerance
 
     def add(build):
-        ALL.append(Element(name, build, tolerance or EXACT, tolerance is not None, told, effort))
+        ALL.append(Element(name, build, tolerance or EXACT, tolerance is not None, reported, effort))
         return build
 
     return add
@@ -105,7 +108,9 @@ def camera(location=(0, -6, 3), rotation=(1.2, 0, 0), **data):
 def light(kind, location=(1.5, -2, 4), rotation=(0.4, 0.3, 0), **data):
     bpy.ops.object.light_add(type=kind, location=location, rotation=rotation)
     for key, value in data.items():
-        setattr(bpy.context.object.data, key, value)
+        # Blender 3 has only the sharp falloff.
+        if key != "use_soft_falloff" or not IS_OLD:
+            setattr(bpy.context.object.data, key, value)
     return bpy.context.object
 
 
@@ -169,13 +174,13 @@ def _(scene):
     light("POINT", energy=300, shadow_soft_size=0, color=(1, 0.8, 0.5))
 
 
-@element("light point size", tolerance=0.02, told=False)
+@element("light point size", tolerance=0.02, reported=False)
 def _(scene):
     stage()
     light("POINT", energy=300, shadow_soft_size=0.4)
 
 
-@element("light point size sharp", told=False, old=0.02)
+@element("light point size sharp", reported=False, old=0.02)
 def _(scene):
     stage()
     lamp = light("POINT", energy=300, shadow_soft_size=0.4).data
@@ -199,6 +204,60 @@ def _(scene):
 def _(scene):
     stage()
     light("SPOT", energy=500, shadow_soft_size=0.3, spot_size=0.9, spot_blend=0.5)
+
+
+def ies(lamp, path, is_internal=False, strength=1.0):
+    """Multiplies the strength of a light with an IES file, of a text datablock or of the disk."""
+    data = lamp.data
+    data.use_nodes = True
+    nodes, links = data.node_tree.nodes, data.node_tree.links
+    emission = next(node for node in nodes if node.type == "EMISSION")
+    node, product = nodes.new("ShaderNodeTexIES"), nodes.new("ShaderNodeMath")
+    product.operation, product.inputs[0].default_value = "MULTIPLY", 0.5
+    node.inputs["Strength"].default_value = strength
+    node.mode = "INTERNAL" if is_internal else "EXTERNAL"
+    if is_internal:
+        node.ies = bpy.data.texts.load(path)
+    elif path:
+        node.filepath = path
+    links.new(node.outputs[0], product.inputs[1])
+    links.new(product.outputs[0], emission.inputs["Strength"])
+    return node
+
+
+def luminaire(name, file, kind, turn, tolerance=None, is_internal=False, **data):
+    @element(f"light ies {name}", tolerance, reported=False)
+    def _(scene):
+        stage()
+        ies(light(kind, (0.8, -1.5, 2.7), turn, **data), os.path.join(PHOTOMETRY, file), is_internal)
+
+
+# Type C, all of whose planes are mirrored from the first quarter; a text datablock, and a file.
+luminaire("quarter", "quarter.ies", "POINT", (0.4, 0.3, 0.7), is_internal=True, shadow_soft_size=0, energy=1)
+luminaire("tilted", "tilted.ies", "POINT", (1.2, -0.5, 2.0), shadow_soft_size=0, energy=50, color=(1, 0.6, 0.3))
+luminaire("type B", "flood.ies", "POINT", (0.4, 0.3, 0.7), shadow_soft_size=0, energy=0.001)
+luminaire("type A", "headlamp.ies", "POINT", (-1.0, 0.1, 0.3), shadow_soft_size=0, energy=10)
+luminaire("size", "quarter.ies", "POINT", (0.4, 0.3, 0.7), 0.03, shadow_soft_size=0.3, energy=1)
+luminaire("size sharp", "quarter.ies", "POINT", (0.4, 0.3, 0.7), shadow_soft_size=0.3, energy=1, use_soft_falloff=False)
+luminaire("spot", "quarter.ies", "SPOT", (0.4, 0.3, 0.7), shadow_soft_size=0, energy=1, spot_size=0.9, spot_blend=0.6)
+luminaire("spot sharp", "tilted.ies", "SPOT", (0.4, 0.3, 0), shadow_soft_size=0, energy=50, spot_size=0.9, spot_blend=0)
+luminaire("area", "quarter.ies", "AREA", (0.4, 0.3, 0.7), energy=1, shape="RECTANGLE", size=1.0, size_y=0.5)
+luminaire("area disk", "tilted.ies", "AREA", (0.4, 0.3, 0.7), energy=50, shape="DISK", size=1.0)
+luminaire("sun", "quarter.ies", "SUN", (0.4, 0.3, 0.7), energy=0.003, angle=0)
+
+
+@element("light ies squeezed")
+def _(scene):
+    stage()
+    lamp = light("POINT", (0.8, -1.5, 2.7), (0.4, 0.3, 0.7), shadow_soft_size=0, energy=1)
+    lamp.scale = (1, 1.5, 0.8)
+    ies(lamp, os.path.join(PHOTOMETRY, "quarter.ies"))
+
+
+@element("light ies missing", tolerance=EXACT)
+def _(scene):
+    stage()
+    ies(light("POINT", energy=8, shadow_soft_size=0), os.path.join(PHOTOMETRY, "absent.ies"))
 
 
 @element("light sun")
@@ -363,7 +422,7 @@ def _(scene):
     sky((0, 0, 2.1))
 
 
-@element("world texture tilted", tolerance=0.02, told=False)
+@element("world texture tilted", tolerance=0.02, reported=False)
 def _(scene):
     stage()
     sky((0.7, 0.3, 2.1))

@@ -12,7 +12,7 @@ def lit(look):
     sky((0, 0, 0.6))
 
 
-@element("light blocks the world", tolerance=0.03, told=False)
+@element("light blocks the world", tolerance=0.03, reported=False)
 def _(scene):
     stage()
     light("AREA", (2, -2, 4), (0.5, 0.5, 0), energy=250, size=2)
@@ -39,8 +39,8 @@ surface(
 )
 
 
-def single(name, kind, tolerance=None, effort=1.0, told=False, **inputs):
-    element(f"material {name}", tolerance, told, effort)(lambda scene: lit(shader(kind, **inputs)[0]))
+def single(name, kind, tolerance=None, effort=1.0, reported=False, **inputs):
+    element(f"material {name}", tolerance, reported, effort)(lambda scene: lit(shader(kind, **inputs)[0]))
 
 
 single("diffuse", "ShaderNodeBsdfDiffuse", Color=(0.7, 0.3, 0.1, 1))
@@ -51,14 +51,15 @@ single(
 )
 single("glass shader", "ShaderNodeBsdfGlass", Color=(1, 1, 1, 1), Roughness=0.0, IOR=1.45)
 single("glass shader rough", "ShaderNodeBsdfGlass", Color=(1, 1, 1, 1), Roughness=0.3, IOR=1.45, distribution="GGX")
-single("glass shader tinted", "ShaderNodeBsdfGlass", 0.03, told=True, Color=(0.6, 0.9, 0.7, 1), Roughness=0.0, IOR=1.45)
-single("refraction", "ShaderNodeBsdfRefraction", 0.05, told=True, Color=(1, 1, 1, 1), Roughness=0.0, IOR=1.45)
+GREEN = (0.6, 0.9, 0.7, 1)
+single("glass shader tinted", "ShaderNodeBsdfGlass", 0.03, reported=True, Color=GREEN, Roughness=0.0, IOR=1.45)
+single("refraction", "ShaderNodeBsdfRefraction", 0.05, reported=True, Color=(1, 1, 1, 1), Roughness=0.0, IOR=1.45)
 single("transparent", "ShaderNodeBsdfTransparent", Color=(0.6, 0.8, 0.9, 1))
-single("translucent", "ShaderNodeBsdfTranslucent", 0.2, told=True, Color=(0.8, 0.8, 0.8, 1))
+single("translucent", "ShaderNodeBsdfTranslucent", 0.2, reported=True, Color=(0.8, 0.8, 0.8, 1))
 
 
-def mixed(name, first, second, tolerance=None, told=False, kind="ShaderNodeMixShader", share=0.3):
-    @element(f"material {name}", tolerance, told)
+def mixed(name, first, second, tolerance=None, reported=False, kind="ShaderNodeMixShader", share=0.3):
+    @element(f"material {name}", tolerance, reported)
     def _(scene):
         look, node = shader(first[0], **first[1])
         nodes, links = look.node_tree.nodes, look.node_tree.links

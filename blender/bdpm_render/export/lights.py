@@ -10,7 +10,7 @@ import numpy as np
 
 from ..nodes import arithmetic
 from ..nodes.follow import Socket, output_of
-from . import axes, sphere
+from . import axes, ies, sphere
 
 # Corners of a disc, and places that stand for a spot of a size.
 DISC_CORNERS = 64
@@ -27,19 +27,20 @@ class Lights:
         self.tables = []
         self.suns = []
         self._writer = scene_writer
+        self._ies_files = ies.Files(scene_writer.folder)
         self._evaluator_of = evaluator_of
         self._remark = scene_writer.remark
 
     def add(self, light_object, matrix):
         """A light at its place."""
         data = light_object.data
-        strength = self._strength(light_object)
+        strength, distribution = self._strength(light_object)
         self._note_ignored(light_object)
         if not strength.any():
             return
         matrix = np.array(matrix, np.float64)
         kind = {"POINT": self._point, "SPOT": self._spot, "SUN": self._sun, "AREA": self._area}[data.type]
-        kind(light_object, strength, matrix)
+        kind(light_object, strength, matrix, distribution)
 
     def _note_ignored(self, light_object):
         data = light_object.data
@@ -54,34 +55,44 @@ class Lights:
             self._remark(light_object.name, "light linking is ignored")
 
     def _strength(self, light_object):
-        """Power by channel, W; of suns irradiance, W/m^2."""
+        """Power by channel, W, or irradiance of suns, W/m^2; and the distribution of an IES texture, or None."""
         data = light_object.data
         color = np.array(data.color[:3], np.float64)
         if getattr(data, "use_temperature", False):
             own = getattr(data, "temperature_color", None)
             color *= np.array(own[:3]) if own is not None else arithmetic.blackbody(data.temperature)
         strength = data.energy * 2 ** getattr(data, "exposure", 0.0) * color
+        distribution = None
         if data.use_nodes and data.node_tree:
-            strength = strength * self._nodes(light_object)
+            factor, distribution = self._nodes(light_object)
+            strength = strength * factor
         if (strength < 0).any():
             self._remark(light_object.name, "takes light away; left out")
-        return np.maximum(strength, 0)
+        return np.maximum(strength, 0), distribution
 
     def _nodes(self, light_object):
-        """What the nodes of a light multiply it with."""
+        """The factor that the nodes of a light have on its power, and the distribution of an IES texture, or None."""
         output = output_of(light_object.data.node_tree, {"OUTPUT_LIGHT"})
         source = Socket(output.inputs["Surface"]).source()[0] if output else None
         if source is None or source.node.type != "EMISSION":
             self._remark(light_object.name, "has nodes that are no emission; took its own color and strength")
-            return np.ones(3)
+            return np.ones(3), None
         evaluator = self._evaluator_of(light_object.name)
         color = evaluator.constant_color(source.input("Color"), "Color")
-        return color * evaluator.constant(source.input("Strength"), "Strength")
+        strength = source.input("Strength")
+        found = ies.find(strength, evaluator)
+        if found is None:
+            return color * evaluator.constant(strength, "Strength"), None
+        distribution = found.distribution(lambda text: self._remark(light_object.name, text))
+        return color * found.factor * (ies.UNREADABLE if distribution is None else 1), distribution
 
     def _normalized(self, light_object):
         return getattr(light_object.data, "normalize", True)
 
-    def _point(self, light_object, power, matrix):
+    def _point(self, light_object, power, matrix, distribution):
+        if distribution is not None:
+            self._ball(light_object, power, matrix, distribution)
+            return
         radius = light_object.data.shadow_soft_size
         position = axes.vector(matrix[:3, 3])
         if radius <= 0:
@@ -97,7 +108,42 @@ class Lights:
         triangles, positions = sphere.icosphere()
         self._shine(light_object, radiance, place, triangles, positions)
 
-    def _sun(self, light_object, irradiance, matrix):
+    def _luminaire(self, light_object, power, matrix, distribution, opening, factor=None):
+        """A light of an IES texture: ies.lm63 says what opening and factor are."""
+        brightness = arithmetic.LUMINANCE @ power
+        c0, _, up = ies.frame(matrix).T
+        table = {
+            "type": "luminaire",
+            "file": self._ies_files.write(ies.lm63(distribution, matrix, opening, factor)),
+            "position": axes.vector(matrix[:3, 3]),
+            "direction": axes.vector(-up),
+            "c0": axes.vector(c0),
+            "scale": brightness * ies.SCALE_PER_WATT,
+            "color": power / brightness,
+        }
+        if any(opening) and not light_object.visible_camera:
+            table["hidden"] = True
+        self.tables.append(table)
+
+    def _ball(self, light_object, power, matrix, distribution, factor=None):
+        """A point or spot of an IES texture: a sphere that has its intensity in every direction."""
+        radius = light_object.data.shadow_soft_size
+        if not self._normalized(light_object):
+            power = power * math.pi * radius**2
+        if power.any():
+            self._luminaire(light_object, power, matrix, distribution, [-2 * radius] * 3, factor)
+
+    def _half_angle(self, light_object):
+        """Angle between the axis and the edge of a spot, radians."""
+        size = light_object.data.spot_size
+        half = min(max(0.5 * size, NARROWEST_SPOT), math.pi / 2)
+        if half < 0.5 * size - 1e-6:
+            self._remark(light_object.name, "its cone is no wider than a half space")
+        return half
+
+    def _sun(self, light_object, irradiance, matrix, distribution):
+        if distribution is not None:
+            irradiance = irradiance * distribution.at(np.array([0.0, 0, -1]))
         direction = -matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
         radius = 0.5 * light_object.data.angle
         if radius < LEAST_SUN:
@@ -109,7 +155,7 @@ class Lights:
         if not light_object.visible_camera:
             self._remark(light_object.name, "is seen by the camera where nothing else is")
 
-    def _area(self, light_object, power, matrix):
+    def _area(self, light_object, power, matrix, distribution):
         data = light_object.data
         size_y = data.size_y if data.shape in {"RECTANGLE", "ELLIPSE"} else data.size
         half = np.array([0.5 * data.size, 0.5 * size_y])
@@ -130,6 +176,12 @@ class Lights:
             self._remark(light_object.name, "its spread is that of a diffuse surface")
         # Until 3.6 Cycles took 4 for pi here.
         pi = math.pi if bpy.app.version >= (4, 0) else 4.0
+        if distribution is not None:
+            own = power * math.pi / pi * (1 if self._normalized(light_object) else area)
+            # The plane C0 is along -y. Negative sizes are those of ellipses.
+            width, length = 2 * half * lengths * (1 if data.shape in {"SQUARE", "RECTANGLE"} else -1)
+            self._luminaire(light_object, own, matrix, distribution, [width, length, 0], ies.OneSide())
+            return
         radiance = power / (pi * area) if self._normalized(light_object) else power / pi
         corners = np.column_stack([outline * half, np.zeros(len(outline))])
         # It shines along -z: from the side from which the outline runs clockwise in x and y.
@@ -142,17 +194,19 @@ class Lights:
             keys["hidden"] = True
         self._writer.add_lamp(light_object.name, keys, matrix, triangles, positions)
 
-    def _spot(self, light_object, power, matrix):
+    def _spot(self, light_object, power, matrix, distribution):
         """Smooth edges as a sum of quadratic ones, sizes as a sum of points: bdpm's spots are points, and their light
         falls off by t^2. Blender's 3 t^2 - 2 t^3 is the integral of 3 s^2 min(t/s, 1)^2 over s from 0 to 1."""
         data = light_object.data
+        if distribution is not None:
+            cone = ies.Cone(self._half_angle(light_object), data.spot_blend)
+            self._ball(light_object, power, matrix, distribution, cone)
+            return
         axis = -matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
         lengths = np.linalg.norm(matrix[:3, :3], axis=0)
         if lengths.max() > 1.001 * lengths.min():
             self._remark(light_object.name, "its cone is round, for all that its scale squeezes it")
-        half = min(max(0.5 * data.spot_size, NARROWEST_SPOT), math.pi / 2)
-        if half < 0.5 * data.spot_size - 1e-6:
-            self._remark(light_object.name, "its cone is no wider than a half space")
+        half = self._half_angle(light_object)
         radius = data.shadow_soft_size
         if bpy.app.version < (4, 0):
             self._remark(

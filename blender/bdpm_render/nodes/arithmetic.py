@@ -2,6 +2,9 @@
 
 import numpy as np
 
+# Of linear Rec. 709.
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
 EPSILON = 1e-12
 
 
@@ -189,7 +192,7 @@ def _combine(node):
 
 
 def _to_gray(node):
-    return (lambda a: a @ np.array([0.2126, 0.7152, 0.0722])), [(0, "color")]
+    return (lambda a: a @ LUMINANCE), [(0, "color")]
 
 
 def _blackbody(node):
