@@ -16,7 +16,7 @@ class Look:
     """A surface. Colors and numbers are constants or pictures (`values`)."""
 
     # diffuse, principled (facets over a diffuse base, to metal), gloss (facets of one color from all sides),
-    # coated, glass, or clear (nothing but a tint)
+    # glass, or clear (nothing but a tint)
     kind: str = "diffuse"
     color: object = None
     roughness: object = 0.5

@@ -10,8 +10,8 @@ from .follow import Socket, output_of
 from .look import EMPTY, Look
 from .values import Picture, combine, is_constant, mean
 
-# Below these a coat is smooth enough to be one, above it is there.
-COAT_ROUGHNESS, COAT_WEIGHT = 0.3, 0.5
+# A coat of at least this weight becomes a full one.
+COAT_WEIGHT = 0.5
 HALF = 0.5
 # Rough glass loses a percent of the light beyond this.
 LOSSLESS = 0.2
@@ -227,11 +227,12 @@ class Shaders:
         coat = self._constant(source, "Clearcoat", "Coat Weight")
         coat_roughness = self._constant(source, "Clearcoat Roughness", "Coat Roughness")
         if coat > 0:
-            if coat >= COAT_WEIGHT and coat_roughness < COAT_ROUGHNESS and not is_metal:
-                self._remark(node, "a coat: took a smooth coat over a diffuse base")
+            if coat >= COAT_WEIGHT and not is_metal:
+                # Facets of the coat, which keep the energy as the layers of Cycles do: cycles.md has the errors.
+                self._remark(node, "a coat: took a full coat over a diffuse base")
                 coat_ior = self._constant(source, "Coat IOR", default=1.5)
-                return Look("coated", color, ior=coat_ior, **normal)
-            self._remark(node, "a thin or rough coat, or one on metal, is ignored")
+                return Look("principled", color, np.float64(coat_roughness), ior=coat_ior, once=once, **normal)
+            self._remark(node, "a thin coat, or one on metal, is ignored")
         ior = self._specular_ior(source, ior, is_new)
         return Look("principled", color, roughness, metallic, ior=ior, once=once, **normal)
 

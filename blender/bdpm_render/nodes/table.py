@@ -86,9 +86,6 @@ class Table:
         if kind == "diffuse" or kind == "principled" and look.ior <= 1 and self._is(look.metallic, 0):
             self.keys["type"] = "lambertian"
             self._add_albedo(look.color)
-        elif kind == "coated":
-            self.keys |= {"type": "coated", "ior": float(np.clip(look.ior, 1.0001, 10))}
-            self._add_albedo(look.color)
         elif kind == "glass":
             self._add_glass(look)
         elif kind == "clear":
