@@ -2,7 +2,7 @@
 
 use crate::common::gltf::*;
 use bdpm::import::{LoadOptions, WarningKind, load_with};
-use bdpm::scene::bsdf::{Bsdf, Coated, Dielectric, Glossy, RoughDielectric, ThinDielectric};
+use bdpm::scene::bsdf::{Bsdf, Dielectric, Glossy, RoughDielectric, ThinDielectric};
 use bdpm::scene::{Emitter, Extent, FieldOfView, Material, Optics, Sampling, Wrap};
 use glam::{Vec2, Vec3};
 use serde_json::{Value, json};
@@ -68,6 +68,8 @@ fn materials_convert_as_documented() {
     let coat = |material, factor: f32| {
         with(material, "KHR_materials_clearcoat", json!({ "clearcoatFactor": factor }))
     };
+    let rough_coat = json!({ "clearcoatFactor": 1, "clearcoatRoughnessFactor": 0.5 });
+    let rough_coat = with(pbr(0.0, 1.0), "KHR_materials_clearcoat", rough_coat);
     let index = |material, ior: f32| with(material, "KHR_materials_ior", json!({ "ior": ior }));
     let glass = |roughness: f32| {
         let white = json!({ "metallicFactor": 0, "roughnessFactor": roughness });
@@ -87,8 +89,9 @@ fn materials_convert_as_documented() {
         (pbr(1.0, 0.5), glossy(1.0, 1.5, 0.25), ""),
         (index(pbr(0.0, 0.5), 1.0), Bsdf::diffuse(color), ""),
         (index(pbr(0.5, 0.5), 1.0), glossy(0.5, 1.0, 0.25), ""),
-        (coat(pbr(0.0, 0.5), 1.0), Bsdf::Coated(Coated::new(color, 1.5)), ""),
-        (coat(pbr(0.25, 0.5), 1.0), Bsdf::Coated(Coated::new(color, 1.5)), "ignored the metal in"),
+        (coat(pbr(0.0, 0.5), 1.0), glossy(0.0, 1.5, 0.0), ""),
+        (coat(pbr(0.25, 0.5), 1.0), glossy(0.0, 1.5, 0.0), "ignored the metal in"),
+        (rough_coat, glossy(0.0, 1.5, 0.25), ""),
         (coat(pbr(0.0, 0.5), 0.25), glossy(0.0, 1.5, 0.25), "ignored the clear coat of"),
         (coat(pbr(1.0, 0.5), 1.0), glossy(1.0, 1.5, 0.25), "ignored the clear coat of"),
         (thick(0.0), Bsdf::Dielectric(Dielectric::new(1.25)), ""),
@@ -178,8 +181,8 @@ fn textures_equal_those_of_scene_files() {
         ),
         (
             with(textured("baseColorTexture", coat), "normalTexture", bent),
-            "type = 'coated'\nalbedo = [0.8, 0.4, 0.2]\nalbedo_texture = 'p.png'\n\
-             normal_texture = 'p.png'\nnormal_scale = 0.5"
+            "type = 'glossy'\nalbedo = [0.8, 0.4, 0.2]\nalbedo_texture = 'p.png'\nroughness = 0\n\
+             metallic = 0\nnormal_texture = 'p.png'\nnormal_scale = 0.5"
                 .into(),
         ),
     ] {

@@ -3,10 +3,9 @@
 use super::factors::{AlphaMode, MaterialFactors};
 use super::texture::{Coverage, blended, coverage};
 use crate::base::math::{Rgb, luminance};
-use crate::import::mtl::material::COAT_ROUGHNESS;
 use crate::import::scene_file::material::{DEFAULT_IOR, dielectric};
 use crate::import::warnings::GroupedWarnings;
-use crate::scene::bsdf::{Bsdf, Coated, Glossy, SMOOTH_ALPHA, ThinDielectric};
+use crate::scene::bsdf::{Bsdf, Glossy, SMOOTH_ALPHA, ThinDielectric};
 use crate::scene::{Dispersion, Material, Medium, MediumBoundary, RefractiveIndex};
 use glam::Vec3;
 use std::sync::Arc;
@@ -45,7 +44,8 @@ pub(super) fn material(
         ),
     ];
     warnings.skipped_if(phrases, name);
-    let data = factors.metallic_roughness_texture.clone();
+    // Coats have their own roughness.
+    let data = factors.metallic_roughness_texture.clone().filter(|_| !is_coated(factors));
     let is_solid = matches!(bsdf, Bsdf::Dielectric(_) | Bsdf::RoughDielectric(_));
     let interior = factors.attenuation.filter(|_| glass && factors.thick);
     let interior =
@@ -74,6 +74,20 @@ fn dispersion(factors: &MaterialFactors) -> Option<Dispersion> {
     Dispersion::new(inside, RefractiveIndex::Constant(1.0))
 }
 
+/// Metalness and roughness with the means of their texture.
+fn mean_metal_and_roughness(factors: &MaterialFactors) -> [f32; 2] {
+    let picture = factors.metallic_roughness_texture.as_ref();
+    let mean = picture.map_or(Vec3::ONE, |picture| picture.mean_data());
+    [factors.metalness * mean.z, factors.roughness * mean.y]
+}
+
+/// Returns true if the surface becomes a coat over a diffuse base.
+fn is_coated(factors: &MaterialFactors) -> bool {
+    let MaterialFactors { unlit, clearcoat, transmission, .. } = *factors;
+    let may_be = !unlit && clearcoat >= 0.5 && transmission < 0.5;
+    may_be && mean_metal_and_roughness(factors)[0] < 0.5
+}
+
 fn bsdf(factors: &MaterialFactors, warnings: &mut GroupedWarnings) -> Bsdf {
     let MaterialFactors { base_color, metalness, roughness, transmission, clearcoat, ior, .. } =
         *factors;
@@ -81,15 +95,14 @@ fn bsdf(factors: &MaterialFactors, warnings: &mut GroupedWarnings) -> Bsdf {
         return Bsdf::diffuse(base_color);
     }
     let name = &factors.name;
-    // Materials that are not glossy take the means of textures.
+    // Glass and coats take the means of textures.
     let data = factors.metallic_roughness_texture.as_ref();
     let layered = transmission > 0.0 || clearcoat > 0.0;
-    let mean = data.filter(|_| layered).map_or(Vec3::ONE, |picture| picture.mean_data());
-    let [metal_mean, roughness_mean] = [metalness * mean.z, roughness * mean.y];
+    let [metal_mean, roughness_mean] =
+        if layered { mean_metal_and_roughness(factors) } else { [metalness, roughness] };
     let is_metal = metal_mean >= 0.5;
     let is_glass = !is_metal && transmission >= 0.5;
-    let is_coated =
-        !is_metal && !is_glass && clearcoat >= 0.5 && factors.clearcoat_roughness < COAT_ROUGHNESS;
+    let is_coated = is_coated(factors);
     let phrases = [
         ((is_glass || is_coated) && metal_mean > 0.0, "ignored the metal in"),
         (!is_metal && transmission > 0.0 && transmission < 1.0, "rounded the transmission of"),
@@ -102,7 +115,9 @@ fn bsdf(factors: &MaterialFactors, warnings: &mut GroupedWarnings) -> Bsdf {
         return glass(factors, roughness_mean * roughness_mean, warnings);
     }
     if is_coated {
-        return Bsdf::Coated(Coated::new(base_color, DEFAULT_IOR));
+        // The extension multiplies the base by 1 - F of the coat. Glossy surfaces conserve energy likewise.
+        let alpha = factors.clearcoat_roughness.powi(2);
+        return Bsdf::Glossy(Glossy::new(base_color, 0.0, DEFAULT_IOR, alpha));
     }
     let specular = luminance(factors.specular);
     if metalness < 1.0 && factors.specular != Rgb::splat(specular) {

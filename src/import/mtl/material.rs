@@ -11,7 +11,7 @@ use crate::scene::{Material, NormalMap, Texture};
 use std::sync::Arc;
 
 /// A nonmetal whose roughness (`Pr`) is below this value gets a smooth coat.
-pub(in crate::import) const COAT_ROUGHNESS: f32 = 0.3;
+const COAT_ROUGHNESS: f32 = 0.3;
 
 /// The supported records of one material.
 #[derive(Clone, Debug, Default)]
