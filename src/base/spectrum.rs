@@ -3,7 +3,7 @@
 //! Paths are RGB until they meet a dispersive surface. There they draw one of [`Wavelength::COUNT`] wavelengths with the
 //! probability `P`, and their weight is multiplied by the color of the wavelength over `P`. White is the daylight D65:
 //! the mean of these factors over the drawn wavelengths is (1, 1, 1), because the sums below are normalized in `f64`.
-//! theory.md (47l)
+//! theory.md (47k)
 
 use super::math::{LUMINANCE, Rgb};
 use glam::{DMat3, DVec3};
@@ -66,7 +66,7 @@ impl Wavelength {
     /// the color of their wavelength. The factor replaces one of the two colors by a kernel: wavelengths within
     /// [`Self::MERGED`] of each other have equal weights, others 0. The mean over the photon's wavelength of the factor
     /// times its color is 1.
-    /// theory.md (47m)
+    /// theory.md (47l)
     pub fn merge_factor(self, photon: Self) -> Rgb {
         let (own, other) = (self.0, photon.0);
         if own.abs_diff(other) > Self::MERGED {

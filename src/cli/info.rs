@@ -267,6 +267,9 @@ fn text(report: &InfoReport, fixed: &BTreeSet<String>) -> String {
     let [read, assembly] = [report.read_seconds, report.assembly_seconds].map(short_time);
     row("loading", format!("read in {read}, assembled in {assembly}"));
     row("materials", names(&report.read.materials));
+    if !report.read.dispersive_materials.is_empty() {
+        row("dispersive", names(&report.read.dispersive_materials));
+    }
     row("textures", report.read.textures.to_string());
     row("bounds", format!("{} to {}, scene units", numbers(min), numbers(max)));
     row("scene size", format!("{} scene units", report.size));

@@ -13,6 +13,8 @@ pub struct SceneSummary {
     pub triangles: usize,
     /// Names of the materials in use.
     pub materials: Vec<String>,
+    /// Names of the dispersive materials.
+    pub dispersive_materials: Vec<String>,
     /// Number of pictures that they use, however they are sampled.
     pub textures: usize,
     /// Number of light sources. Each emissive triangle is one.
@@ -39,6 +41,12 @@ impl SceneSummary {
             meshes: scene.placements().len(),
             triangles: scene.triangle_count(),
             materials: scene.materials().iter().map(|material| material.name.clone()).collect(),
+            dispersive_materials: scene
+                .materials()
+                .iter()
+                .filter(|material| material.dispersion.is_some())
+                .map(|material| material.name.clone())
+                .collect(),
             textures: pictures.len(),
             lights: scene.lights().emitters().len() + environment,
             ..Self::default()

@@ -91,7 +91,7 @@ impl RefractiveIndex {
         }
     }
 
-    /// The index at a wavelength in nm. theory.md (22b)
+    /// The index at a wavelength in nm. theory.md (47j)
     pub fn at(&self, nanometers: f64) -> f64 {
         let l2 = (nanometers / 1000.0).powi(2);
         match self {

@@ -67,7 +67,7 @@ impl Surface<'_> {
 
     /// Gives the BSDF the index of the path's wavelength, where the surface is dispersive. A path without a wavelength
     /// draws one. Returns the factor of its weight.
-    /// theory.md (47l)
+    /// theory.md (47k)
     #[inline]
     pub fn disperse(&mut self, wavelength: &mut Option<Wavelength>, rng: &mut Rng) -> Rgb {
         let Some(dispersion) = &self.material.dispersion else { return Rgb::ONE };

@@ -326,7 +326,15 @@ fn contradictory_materials_are_refused() {
         ("ior = nan", "the refractive index is out of range"),
         ("outside_ior = -1", "such as 1.5 for glass"),
         ("roughness = 1.5", "the roughness is out of range"),
-        ("ior = \"glass\"", "wrong type: string"),
+        ("ior = \"glass\"", "unknown medium `glass`"),
+        ("ior = \"glass\"", "use one of `N-BK7`"),
+        ("ior = { d = 1.5 }", "the table does not describe a refractive index"),
+        ("ior = { d = 1.5, abbe = 60, cauchy = [1.5] }", "give `d` and `abbe`, or `cauchy`"),
+        ("ior = { d = 1.5, abe = 60 }", "unknown key `abe`"),
+        ("ior = { nanometers = [400, 500], values = [1.5] }", "1 values at 2 wavelengths"),
+        ("ior = { nanometers = [500, 400], values = [1.5, 1.6] }", "do not grow"),
+        ("ior = { sellmeier = [[1, 0.2]] }", "the refractive index is"),
+        ("ior = [1.5, 1.6]", "wrong type"),
     ] {
         with(&format!("type = \"dielectric\"\n{line}")).refused(&["s.toml:15: ", line, part]);
     }

@@ -223,6 +223,20 @@ fn scene_files_with_all_tables_are_exported_without_loss() {
     let list: [(&str, &[u8]); 3] =
         [("sky.exr", &sky), ("a.obj", SQUARE_OBJ.as_bytes()), ("a.toml", scene.as_bytes())];
     assert_files_kept(&list);
+    // Media and their dispersion.
+    for index in [
+        "'SF11'",
+        "1.5\noutside_ior = { d = 1.33, abbe = 55.5 }",
+        "{ cauchy = [1.5, 0.004, 1e-5] }\noutside_ior = 'water'",
+        "{ sellmeier = [[1, 0.01], [0.5, 100]] }",
+        "{ nanometers = [400, 550.5, 700], values = [1.6, 1.53, 1.5] }",
+    ] {
+        let text = scene.replace("1.33\n        outside_ior = 1.5", index);
+        assert_ne!(text, scene);
+        let list: [(&str, &[u8]); 3] =
+            [("sky.exr", &sky), ("a.obj", SQUARE_OBJ.as_bytes()), ("a.toml", text.as_bytes())];
+        assert_files_kept(&list);
+    }
     let sensor = "camera = { type = 'sensor', position = [0, 0, 9], direction = [0, 0.1, -1], \
                   sensor_width = 0.1, disc_distance = 1, disc_radius = 0.2, exposure = 0.01 }
         environment = { radiance = [1, 0.3, 0.1] }

@@ -3,7 +3,9 @@
 use crate::common::gltf::*;
 use bdpm::import::{LoadOptions, WarningKind, load_with};
 use bdpm::scene::bsdf::{Bsdf, Dielectric, Glossy, RoughDielectric, ThinDielectric};
-use bdpm::scene::{Emitter, Extent, FieldOfView, Material, Optics, Sampling, Wrap};
+use bdpm::scene::{
+    Emitter, Extent, FieldOfView, Material, Optics, RefractiveIndex, Sampling, Wrap,
+};
 use glam::{Vec2, Vec3};
 use serde_json::{Value, json};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
@@ -127,6 +129,15 @@ fn materials_convert_as_documented() {
             "{warnings}"
         );
     }
+    let dispersive = |dispersion: f32| {
+        let key = "KHR_materials_dispersion";
+        let (read, warnings) =
+            looks(with(thick(0.0), key, json!({ "dispersion": dispersion })), WHITE);
+        assert_eq!(warnings, "");
+        read.dispersion.map(|dispersion| dispersion.inside().clone())
+    };
+    assert_eq!(dispersive(0.0), None);
+    assert_eq!(dispersive(0.5), Some(RefractiveIndex::Abbe { index: 1.25, abbe: 40.0 }));
     // The standard's default is a rough white metal.
     let mut model = square();
     model.json["meshes"][0]["primitives"][0].as_object_mut().unwrap().remove("material");

@@ -2,7 +2,7 @@
 
 use bdpm::import::{LoadOptions, Loaded, WarningKind, export, load, load_with};
 use bdpm::scene::bsdf::{Bsdf, FacetModel, Principled, PrincipledParameters};
-use bdpm::scene::{Emitter, Extent, FieldOfView, Optics};
+use bdpm::scene::{Emitter, Extent, FieldOfView, Optics, RefractiveIndex};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -279,6 +279,21 @@ fn mitsuba_materials_are_converted() {
     let Bsdf::Dielectric(glass) = look("<bsdf type='dielectric'/>") else { panic!() };
     assert!((glass.eta - 1.504_183).abs() < 1e-6, "as mitsuba 3.9.1 says: {}", glass.eta);
     assert!(matches!(look("<bsdf type='thindielectric'/>"), Bsdf::ThinDielectric(_)));
+    for spectrum in [
+        "<spectrum name='int_ior' value='400:1.6, 700:1.5'/>",
+        "<spectrum type='irregular' name='int_ior'><string name='wavelengths' value='400, 700'/>\
+         <string name='values' value='1.6, 1.5'/></spectrum>",
+        "<spectrum type='regular' name='int_ior'><float name='wavelength_min' value='400'/>\
+         <float name='wavelength_max' value='700'/><string name='values' value='1.6, 1.5'/></spectrum>",
+    ] {
+        let bsdf =
+            format!("<bsdf type='dielectric'>{spectrum}<float name='ext_ior' value='1'/></bsdf>");
+        let loaded = with(&format!("<shape type='rectangle'>{bsdf}</shape>"));
+        assert_eq!(loaded.warnings_text(), "", "{spectrum}");
+        let dispersion = loaded.scene.materials()[0].dispersion.clone().expect(spectrum);
+        let table = RefractiveIndex::Table(vec![[400.0, 1.6], [700.0, 1.5]]);
+        assert_eq!(dispersion.inside(), &table, "{spectrum}");
+    }
     for is_nonlinear in [true, false] {
         let Bsdf::Plastic(plastic) = look(&format!(
             "<bsdf type='plastic'><boolean name='nonlinear' value='{is_nonlinear}'/>\

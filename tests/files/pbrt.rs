@@ -2,7 +2,7 @@
 
 use bdpm::import::{Loaded, WarningKind, load};
 use bdpm::scene::bsdf::Bsdf;
-use bdpm::scene::{Emitter, Extent, FieldOfView, Optics};
+use bdpm::scene::{Emitter, Extent, FieldOfView, Optics, RefractiveIndex};
 use glam::{Vec2, Vec3};
 use std::path::Path;
 
@@ -210,6 +210,23 @@ fn mixed_diffuse_materials_have_the_mean_albedo() {
          Material \"mix\" \"string materials\" [\"a\" \"b\"] \"float amount\" 0.25\n",
     );
     assert_eq!(loaded.scene.materials()[0].bsdf, Bsdf::diffuse(Vec3::new(0.6, 0.1, 0.0)));
+}
+
+#[test]
+fn glasses_and_spectra_of_dielectrics_disperse() {
+    for (eta, expected) in [
+        ("\"spectrum eta\" \"glass-BK7\"", RefractiveIndex::named("N-BK7")),
+        (
+            "\"spectrum eta\" [ 400 1.6 700 1.5 ]",
+            Some(RefractiveIndex::Table(vec![[400.0, 1.6], [700.0, 1.5]])),
+        ),
+        ("\"float eta\" 1.5", None),
+    ] {
+        let loaded = world(&format!("Material \"dielectric\" {eta}\n"));
+        let dispersion = &loaded.scene.materials()[0].dispersion;
+        let inside = dispersion.as_ref().map(|dispersion| dispersion.inside().clone());
+        assert_eq!(inside, expected, "{eta}");
+    }
 }
 
 #[test]

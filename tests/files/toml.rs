@@ -7,7 +7,7 @@ use bdpm::scene::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Plastic, Principled,
     PrincipledParameters, Reflectance, RoughDielectric, ThinDielectric,
 };
-use bdpm::scene::{Emitter, FieldOfView, Optics, Scene};
+use bdpm::scene::{Emitter, FieldOfView, Optics, RefractiveIndex, Scene};
 use bdpm::settings::{Direct, Length, PartialSettings, Settings};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
@@ -324,6 +324,58 @@ fn bsdf(mtl: &str, toml: &str, name: &str) -> (Bsdf, String) {
 
 fn artist_metal(normal: [f32; 3], alpha: f32) -> Bsdf {
     Bsdf::Conductor(Conductor::new(Reflectance::Artist { normal: normal.into() }, alpha))
+}
+
+#[test]
+fn refractive_indices_are_numbers_media_or_tables() {
+    let read = |text: &str| {
+        let folder = write(&[
+            ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3"),
+            (
+                "scene.toml",
+                &format!(
+                    "mesh = [{{ file = 'a.obj', material = 'm' }}]\nlight = [{{ type = 'point', \
+                     position = [0, 0, 1], power = 1 }}]\n[camera]\nposition = [0, 0, 9]\n\
+                     target = [0, 0, 0]\nfov_x_deg = 40\n[materials.m]\ntype = 'dielectric'\n{text}"
+                ),
+            ),
+        ]);
+        load(folder.path()).unwrap_or_else(|e| panic!("{e}")).scene.materials()[0].clone()
+    };
+    let named = |name| RefractiveIndex::named(name).unwrap();
+    let one = RefractiveIndex::Constant(1.0);
+    for (text, inside, outside) in [
+        ("ior = 'n-bk7'", named("N-BK7"), one.clone()),
+        ("ior = 1.5\noutside_ior = 'water'", RefractiveIndex::Constant(1.5), named("water")),
+        (
+            "ior = { d = 1.5, abbe = 30 }",
+            RefractiveIndex::Abbe { index: 1.5, abbe: 30.0 },
+            one.clone(),
+        ),
+        (
+            "ior = { cauchy = [1.5, 0.004] }",
+            RefractiveIndex::Cauchy([1.5, 0.004, 0.0]),
+            one.clone(),
+        ),
+        (
+            "ior = { sellmeier = [[1, 0.01], [0.5, 100]] }",
+            RefractiveIndex::Sellmeier(vec![[1.0, 0.01], [0.5, 100.0]]),
+            one.clone(),
+        ),
+        (
+            "ior = { nanometers = [400, 700], values = [1.6, 1.5] }",
+            RefractiveIndex::Table(vec![[400.0, 1.6], [700.0, 1.5]]),
+            one,
+        ),
+    ] {
+        let material = read(text);
+        let Bsdf::Dielectric(glass) = material.bsdf else { panic!("{text}") };
+        assert_eq!(glass.eta, inside.at_d() as f32 / outside.at_d() as f32, "{text}");
+        let dispersion = material.dispersion.expect(text);
+        assert_eq!((dispersion.inside(), dispersion.outside()), (&inside, &outside), "{text}");
+    }
+    assert!(read("ior = 1.5").dispersion.is_none());
+    assert!(read("ior = { d = 1.5, abbe = 1e300 }").dispersion.is_none());
 }
 
 #[test]

@@ -1,5 +1,7 @@
 """Materials as tables of a scene file, each with what its meshes have to bring."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..nodes.evaluate import Evaluator
@@ -9,6 +11,9 @@ from ..nodes.table import Table
 
 # What Cycles shows where there is no material.
 DEFAULT = Look(color=np.full(3, 0.8))
+
+# Abbe numbers of clear media are from 15 to 100.
+MIN_ABBE, MAX_ABBE = 5, 1000
 
 
 class Materials:
@@ -42,7 +47,22 @@ class Materials:
             return DEFAULT
         if not material.use_nodes or material.node_tree is None:
             return Look(color=np.array(material.diffuse_color[:3], np.float64))
-        return Shaders(Evaluator(remark, self._store), remark).material(material.node_tree)
+        look = Shaders(Evaluator(remark, self._store), remark).material(material.node_tree)
+        return replace(look, abbe=self._abbe(material, look))
+
+    def _abbe(self, material, look):
+        """The Abbe number by the custom property `abbe` of the material, which Blender's nodes do not have."""
+        abbe = material.get("abbe")
+        if abbe is None:
+            return None
+        where = f"Material {material.name_full}"
+        if look.kind != "glass":
+            self._remarks.add(where, "its Abbe number (`abbe`) has no effect: it is not glass")
+            return None
+        if not isinstance(abbe, (int, float)) or not MIN_ABBE <= abbe <= MAX_ABBE:
+            self._remarks.add(where, f"`abbe` is {abbe!r}, not a number from {MIN_ABBE} to {MAX_ABBE}; left out")
+            return None
+        return float(abbe)
 
     def name(self, material, is_hidden):
         """The name of its table in the scene file; hidden from the camera it is another."""

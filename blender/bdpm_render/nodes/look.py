@@ -22,6 +22,8 @@ class Look:
     roughness: object = 0.5
     metallic: object = 0.0
     ior: float = GLASS_IOR
+    # Abbe number of glass; None if it does not disperse.
+    abbe: float | None = None
     # Facets that scatter once, as opposed to those that make up for what is scattered again.
     once: bool = False
     normal: object = None

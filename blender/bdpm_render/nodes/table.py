@@ -107,6 +107,8 @@ class Table:
 
     def _add_glass(self, look):
         ior = float(np.clip(look.ior, 0.1, 10))
+        if look.abbe is not None:
+            ior = {"d": ior, "abbe": look.abbe}
         self.keys |= {"type": "dielectric", "ior": ior, "transmittance": self._share(mean(look.color))}
         self._add_roughness(float(mean(look.roughness)), look.once)
 

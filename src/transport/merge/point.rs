@@ -114,7 +114,7 @@ impl Merge<'_> {
                 if let Some(own) = point.wavelength
                     && let Some(other) = Wavelength::from_index(photon.wavelength_index())
                 {
-                    // theory.md (47m)
+                    // theory.md (47l)
                     let factor = own.merge_factor(other);
                     if factor == Rgb::ZERO {
                         return;
