@@ -58,6 +58,45 @@ single("transparent", "ShaderNodeBsdfTransparent", Color=(0.6, 0.8, 0.9, 1))
 single("translucent", "ShaderNodeBsdfTranslucent", 0.2, reported=True, Color=(0.8, 0.8, 0.8, 1))
 
 
+def volume(name, surface_kind, tolerance, *nodes, **inputs):
+    """A ball with a volume, and a surface of this kind or none."""
+
+    @element(f"material {name}", tolerance, False)
+    def _(scene):
+        if surface_kind:
+            look = shader(surface_kind, **inputs)[0]
+            tree = look.node_tree
+        else:
+            look = bpy.data.materials.new("volume")
+            look.use_nodes = True
+            tree = look.node_tree
+            tree.nodes.clear()
+            tree.nodes.new("ShaderNodeOutputMaterial")
+        output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+        made = []
+        for kind, values in nodes:
+            node = tree.nodes.new(kind)
+            for key, value in values.items():
+                node.inputs[key].default_value = value
+            made.append(node)
+        last = made[0]
+        if len(made) == 2:
+            last = tree.nodes.new("ShaderNodeAddShader")
+            for number, node in enumerate(made):
+                tree.links.new(node.outputs[0], last.inputs[number])
+        tree.links.new(last.outputs[0], output.inputs["Volume"])
+        lit(look)
+
+
+INK = ("ShaderNodeVolumeAbsorption", {"Color": (0.8, 0.4, 0.1, 1), "Density": 1.5})
+MILK = ("ShaderNodeVolumeScatter", {"Color": (0.9, 0.8, 0.6, 1), "Density": 3.0, "Anisotropy": 0.4})
+volume("volume absorption in glass", "ShaderNodeBsdfGlass", None, INK, Color=(1, 1, 1, 1), Roughness=0.0, IOR=1.33)
+volume("volume scatter", None, 0.02, MILK)
+volume("volume sum", None, 0.02, INK, MILK)
+PRINCIPLED = {"Color": (0.7, 0.5, 0.3, 1), "Density": 2.0, "Anisotropy": 0.0, "Absorption Color": (0.1, 0.2, 0.4, 1)}
+volume("volume principled", None, 0.02, ("ShaderNodeVolumePrincipled", PRINCIPLED))
+
+
 def mixed(name, first, second, tolerance=None, reported=False, kind="ShaderNodeMixShader", share=0.3):
     @element(f"material {name}", tolerance, reported)
     def _(scene):

@@ -24,6 +24,8 @@ class Materials:
         self._remarks = remarks
         self._tables = {}
         self.used = {}
+        # Tables of media by name.
+        self.media = {}
 
     def evaluator(self, where):
         """Of the nodes of something of this name."""
@@ -39,7 +41,11 @@ class Materials:
             where = f"Material {key}" if material else "Surfaces without material"
             remark = self._remark_node(where)
             look = self._look(material, remark)
-            self._tables[key] = Table(look, self._store, lambda text: self._remarks.add(where, text))
+            table = Table(look, self._store, lambda text: self._remarks.add(where, text))
+            if table.interior is not None:
+                self.media[key] = table.interior.keys()
+                table.keys["interior"] = key
+            self._tables[key] = table
         return self._tables[key]
 
     def _look(self, material, remark):

@@ -75,7 +75,11 @@ class SceneWriter:
         if not (lights.tables or environment or shines):
             raise ExportError("There is no light: add a light, a world that is not black, or a material that emits")
         width, height = _resolution(depsgraph.scene_eval)
+        filling = world.medium(scene_world, environment or lights.suns, self)
+        if filling:
+            head = f"medium = {toml.value(filling)}\n\n" + head
         parts = [head, toml.table("[render]", {"resolution": [width, height]})]
+        parts += [toml.table(f"[media.{toml.value(name)}]", keys) for name, keys in self.materials.media.items()]
         parts += [toml.table("[[mesh]]", keys) for keys in self._meshes]
         used = self.materials.used.items()
         parts += [toml.table(f"[materials.{toml.value(name)}]", keys) for name, keys in used]

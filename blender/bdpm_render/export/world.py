@@ -10,6 +10,7 @@ from .. import exr
 from ..nodes.evaluate import Evaluator
 from ..nodes.follow import Socket, output_of
 from ..nodes.values import is_constant, mean
+from ..nodes.volumes import Volumes
 from . import axes, bake
 
 # Pixels across a sun, and of a map at the most.
@@ -36,6 +37,28 @@ def write(world, suns, writer, has_stopped):
     return {"file": FILE}
 
 
+def medium(world, has_far_light, writer):
+    """The name of the medium that fills the space between all objects, or None."""
+    if world is None or not world.use_nodes or not world.node_tree:
+        return None
+    output = output_of(world.node_tree, {"OUTPUT_WORLD"})
+    if output is None:
+        return None
+    where = f"World {world.name}"
+
+    def remark(node, text):
+        writer.remark(where, f"{node.label or node.name}: {text}")
+
+    found = Volumes(Evaluator(remark, writer.store), remark).medium(Socket(output.inputs["Volume"]))
+    if found is None:
+        return None
+    if has_far_light:
+        writer.remark(where, "its volume is ignored: it would absorb all light of the world and of suns")
+        return None
+    writer.materials.media[where] = found.keys()
+    return where
+
+
 @dataclass
 class Around:
     """What is around a scene: a radiance, or a factor of a map."""
@@ -58,8 +81,6 @@ def _background(world, writer, has_stopped):
     output = output_of(world.node_tree, {"OUTPUT_WORLD"})
     if output is None:
         return Around(np.zeros(3))
-    if Socket(output.inputs["Volume"]).source()[0] is not None:
-        writer.remark(where, "volumes are ignored")
     source = Socket(output.inputs["Surface"]).source()[0]
     if source is None:
         return Around(np.zeros(3))

@@ -30,6 +30,8 @@ class Look:
     normal_scale: float = 1.0
     emission: object = None
     opacity: object = 1.0
+    # The medium behind the surface (`volumes`), or None.
+    interior: object = None
 
     def is_clear(self):
         """Whether light passes it as if nothing were there."""

@@ -7,8 +7,9 @@ import numpy as np
 
 from . import look as looks
 from .follow import Socket, output_of
-from .look import EMPTY, Look
+from .look import EMPTY, WHITE, Look
 from .values import Picture, combine, is_constant, mean
+from .volumes import Volumes
 
 # A coat of at least this weight becomes a full one.
 COAT_WEIGHT = 0.5
@@ -29,10 +30,19 @@ class Shaders:
         output = output_of(tree, {"OUTPUT_MATERIAL"})
         if output is None:
             return EMPTY
-        for name, what in (("Volume", "volumes are ignored"), ("Displacement", "displacement is ignored")):
-            if Socket(output.inputs[name]).source()[0] is not None:
-                self._remark(output, what)
-        return self._shader(Socket(output.inputs["Surface"]))
+        if Socket(output.inputs["Displacement"]).source()[0] is not None:
+            self._remark(output, "displacement is ignored")
+        surface = Socket(output.inputs["Surface"])
+        interior = Volumes(self._values, self._remark).medium(Socket(output.inputs["Volume"]))
+        if interior is None:
+            return self._shader(surface)
+        if surface.source()[0] is None:
+            return Look("clear", WHITE, interior=interior)
+        look = self._shader(surface)
+        if look.kind not in {"glass", "clear"}:
+            self._remark(output, "the volume of an opaque surface is ignored")
+            return look
+        return replace(look, interior=interior)
 
     def _shader(self, socket):
         source, _ = socket.source()

@@ -67,6 +67,7 @@ class Table:
         self.keys = {}
         self.place = None
         self.vertex_colors = None
+        self.interior = look.interior
         self._store = store
         self._remark = remark
         self._add_kind(look)
@@ -89,6 +90,9 @@ class Table:
         elif kind == "glass":
             self._add_glass(look)
         elif kind == "clear":
+            if look.is_clear() and look.interior is not None:
+                self.keys["type"] = "boundary"
+                return
             color = self._share(mean(look.color))
             self.keys |= {"type": "thin-dielectric", "ior": CLEAR_IOR, "transmittance": color}
             if look.is_clear():
