@@ -63,7 +63,7 @@ def prepare(scene):
     cycles.pixel_filter_type, cycles.filter_width = "BOX", 1.0
     cycles.sample_clamp_indirect = cycles.sample_clamp_direct = cycles.blur_glossy = cycles.light_sampling_threshold = 0
     cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = 32
-    cycles.transparent_max_bounces = 32
+    cycles.transparent_max_bounces = cycles.volume_bounces = 32
     cycles.caustics_reflective = cycles.caustics_refractive = True
 
 

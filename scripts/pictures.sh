@@ -75,6 +75,7 @@ make_picture() {
         daylight) denoised daylight daylight 600 --resolution 1920x1080 ;;
         materials) single materials materials 400 --resolution 1440x810 ;;
         caustic-sphere) single caustic-sphere caustic-sphere 300 --resolution 800x800 ;;
+        smoke) denoised smoke smoke 200 --resolution 512x512 ;;
         cornell-box) single cornell-box cornell-box 60 --resolution 512x512 ;;
         # Equal time against path tracing; a path tracer cannot sample the lights of point-caustic at all.
         equal-time-caustic) equal_time equal-time-caustic caustic-sphere 30 300 --resolution 512x512 ;;
@@ -123,7 +124,7 @@ make_picture() {
     esac
 }
 
-all=(point-caustic hall objective daylight materials caustic-sphere cornell-box equal-time-caustic
+all=(point-caustic hall objective daylight materials caustic-sphere smoke cornell-box equal-time-caustic
     equal-time-keyhole equal-time-daylight error-maps guides caustic-radii denoising report)
 [ $# -gt 0 ] || set -- "${all[@]}"
 for name; do
