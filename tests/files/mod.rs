@@ -15,6 +15,7 @@ mod gltf_looks;
 mod instances;
 mod light;
 mod luminaires;
+mod media;
 mod memory;
 mod mitsuba;
 mod obj;

@@ -200,8 +200,7 @@ fn attenuation(volume: &Volume, element: &str) -> Result<Option<(Rgb, f32)>> {
     let [r, g, b] = volume.attenuation_color;
     let color = Rgb::new(share(r, element, key)?, share(g, element, key)?, share(b, element, key)?);
     let Some(distance) = volume.attenuation_distance else { return Ok(None) };
-    // Written so that NaN fails.
-    if !(distance > 0.0) {
+    if distance <= 0.0 || distance.is_nan() {
         let key = "extensions.KHR_materials_volume.attenuationDistance";
         return Err(malformed(format!("{element}.{key}"), "it is not positive"));
     }
