@@ -270,6 +270,9 @@ fn text(report: &InfoReport, fixed: &BTreeSet<String>) -> String {
     if !report.read.dispersive_materials.is_empty() {
         row("dispersive", names(&report.read.dispersive_materials));
     }
+    if !report.read.media.is_empty() {
+        row("media", names(&report.read.media));
+    }
     row("textures", report.read.textures.to_string());
     row("bounds", format!("{} to {}, scene units", numbers(min), numbers(max)));
     row("scene size", format!("{} scene units", report.size));

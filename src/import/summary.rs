@@ -15,6 +15,8 @@ pub struct SceneSummary {
     pub materials: Vec<String>,
     /// Names of the dispersive materials.
     pub dispersive_materials: Vec<String>,
+    /// Names of the media.
+    pub media: Vec<String>,
     /// Number of pictures that they use, however they are sampled.
     pub textures: usize,
     /// Number of light sources. Each emissive triangle is one.
@@ -47,6 +49,9 @@ impl SceneSummary {
                 .filter(|material| material.dispersion.is_some())
                 .map(|material| material.name.clone())
                 .collect(),
+            media: scene.media().map_or(Vec::new(), |media| {
+                media.media().iter().map(|medium| medium.name.clone()).collect()
+            }),
             textures: pictures.len(),
             lights: scene.lights().emitters().len() + environment,
             ..Self::default()

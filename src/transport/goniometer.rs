@@ -5,13 +5,15 @@
 //! node's value at `w`. The value of a node is the sum over the integral of `b` over all directions. Values
 //! interpolated between the nodes then have exactly the flux of all paths, because the hat functions add up to 1.
 
+use super::free_flight::{MediumVertex, Passed, travel};
 use super::light_paths::survival;
+use super::path_state::{Depth, PathState};
 use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::base::error::{Error, Result};
-use crate::base::math::luminance;
+use crate::base::math::{Rgb, luminance};
 use crate::base::photometry::LUMENS_PER_WATT;
 use crate::base::rng::{Rng, Stream, StreamKey};
-use crate::scene::{Emitter, IntensityDistribution, Photometry, Scene};
+use crate::scene::{Emission, Emitter, IntensityDistribution, Photometry, Scene, Surface};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -146,6 +148,10 @@ impl Goniometer {
             let problem = "the scene has an environment, a sky or parallel light";
             return Err(Error::new(problem, "leave only the lamps of the luminaire in the scene"));
         }
+        if scene.filling_medium().is_some() {
+            let problem = "the scene is filled with a medium, in which light does not leave";
+            return Err(Error::new(problem, "remove the medium between all objects"));
+        }
         let nodes = vec![[0.0; 2]; grid.nodes()];
         Ok(Self { grid, seed, light_paths, iterations: 0, nodes, total: [0.0; 2] })
     }
@@ -194,12 +200,7 @@ impl Goniometer {
         rngs: impl Iterator<Item = Rng>,
     ) -> BatchSums {
         let mut sums = BatchSums { nodes: vec![0.0; self.grid.nodes()], total: 0.0 };
-        let mut paths: Vec<_> = rngs
-            .map(|mut rng| {
-                let start = scene.lights().emit(&mut rng);
-                (Ray::new(start.origin, start.direction), start.flux, None, rng)
-            })
-            .collect();
+        let mut paths: Vec<_> = rngs.map(|rng| start(scene, accel, rng)).collect();
         let mut hits = Vec::new();
         while !paths.is_empty() {
             let rays: Vec<Ray> = paths.iter().map(|(ray, ..)| *ray).collect();
@@ -207,21 +208,18 @@ impl Goniometer {
             hits.resize(rays.len(), Hit::MISS);
             accel.closest_hits(&rays, &mut hits, Coherence::Incoherent);
             let mut next = Vec::with_capacity(paths.len());
-            for ((ray, mut flux, mut wavelength, mut rng), hit) in paths.into_iter().zip(&hits) {
-                if hit.is_miss() {
-                    let flux = f64::from(luminance(flux));
+            for ((ray, mut state), hit) in paths.into_iter().zip(&hits) {
+                if let Some(media) = scene.media()
+                    && let Some(passed) = travel(scene, media, &ray, hit, &mut state)
+                {
+                    next.extend(passing(passed, state));
+                } else if hit.is_miss() {
+                    let flux = f64::from(luminance(state.weight));
                     let direction = ray.direction.as_dvec3().normalize_or_zero();
                     self.grid.splat(direction, |node, weight| sums.nodes[node] += flux * weight);
                     sums.total += flux;
-                    continue;
-                }
-                let mut surface = scene.surface(&ray, hit);
-                flux *= surface.disperse(&mut wavelength, &mut rng);
-                let Some(sample) = surface.scatter_flux(&mut rng) else { continue };
-                let survival = survival(sample.weight);
-                if rng.next_1d() < survival {
-                    let ray = Ray::new(surface.start(sample.wi), sample.wi);
-                    next.push((ray, flux * (sample.weight / survival), wavelength, rng));
+                } else {
+                    next.extend(scattered(scene, &scene.surface(&ray, hit), state));
                 }
             }
             paths = next;
@@ -285,6 +283,48 @@ impl Goniometer {
         );
         own.expect("ascending angles and finite sums")
     }
+}
+
+/// Starts a light path.
+fn start(scene: &Scene, accel: &dyn Intersect, mut rng: Rng) -> (Ray, PathState) {
+    let Emission { origin, direction, flux } = scene.lights().emit(&mut rng);
+    let around = scene.media().map(|media| media.at(scene, accel, origin)).unwrap_or_default();
+    let depth = Depth::default().within(around);
+    let state = PathState { rng, weight: flux, inverse_start: 1.0, path: 0, depth };
+    (Ray::new(origin, direction), state)
+}
+
+/// Continues a light path that met no surface that scatters, unless it ends.
+fn passing(passed: Passed, mut state: PathState) -> Option<(Ray, PathState)> {
+    match passed {
+        Passed::Boundary(ray) => Some((ray, state)),
+        Passed::Scattered(MediumVertex { medium, position, direction, weight, .. }) => {
+            let next = medium.scatter(direction, &mut state.rng);
+            survives(weight * medium.scattering, &mut state)
+                .then_some((Ray::new(position, next), state))
+        }
+    }
+}
+
+/// Continues a light path at a surface, unless it ends.
+fn scattered(scene: &Scene, surface: &Surface, mut state: PathState) -> Option<(Ray, PathState)> {
+    let mut surface = *surface;
+    let mut wavelength = state.depth.wavelength();
+    state.weight *= surface.disperse(&mut wavelength, &mut state.rng);
+    state.depth = state.depth.with_wavelength(wavelength);
+    let sample = surface.scatter_flux(&mut state.rng)?;
+    if !survives(sample.weight, &mut state) {
+        return None;
+    }
+    state.depth = state.depth.leaving(scene, &surface, sample.wi);
+    Some((Ray::new(surface.start(sample.wi), sample.wi), state))
+}
+
+/// Plays roulette at a vertex that multiplies the flux by `weight`.
+fn survives(weight: Rgb, state: &mut PathState) -> bool {
+    let survival = survival(weight);
+    state.weight *= weight / survival;
+    state.rng.next_1d() < survival
 }
 
 #[cfg(test)]
