@@ -17,8 +17,9 @@ impl Wavelength {
     /// Number of wavelengths.
     pub const COUNT: usize = 1023;
 
-    /// Maximum difference of the indices of two wavelengths that merge: 10 nm.
-    const MERGED: u16 = 25;
+    /// Maximum difference of the cumulative probabilities of two wavelengths that merge. Six
+    /// percent of the pairs merge.
+    const MERGED: f64 = 0.03;
 
     /// Limits of the visible range, nm.
     const RANGE: [f64; 2] = [380.0, 780.0];
@@ -63,18 +64,17 @@ impl Wavelength {
     }
 
     /// Factor of a merge of a photon of the wavelength `photon` with a camera path of this wavelength. Both weights have
-    /// the color of their wavelength. The factor replaces one of the two colors by a kernel: wavelengths within
-    /// [`Self::MERGED`] of each other have equal weights, others 0. The mean over the photon's wavelength of the factor
-    /// times its color is 1.
+    /// the color of their wavelength. The factor replaces the photon's color by a kernel, which is 0 unless the cumulative
+    /// probabilities of both differ by at most [`Self::MERGED`]. The mean over the photon's wavelength of the factor times
+    /// its color is 1.
     /// theory.md (47l)
     pub fn merge_factor(self, photon: Self) -> Rgb {
-        let (own, other) = (self.0, photon.0);
-        if own.abs_diff(other) > Self::MERGED {
+        let [own, other] = [self, photon].map(|one| usize::from(one.0) - 1);
+        let Spectrum { middle, mergeable, .. } = &*SPECTRUM;
+        if (middle[own] - middle[other]).abs() > Self::MERGED {
             return Rgb::ZERO;
         }
-        let first = own.saturating_sub(Self::MERGED).max(1);
-        let last = (own + Self::MERGED).min(Self::COUNT as u16);
-        (f32::from(last - first + 1) * photon.prob() * photon.color()).recip()
+        (mergeable[own] * photon.color()).recip()
     }
 
     /// Color of the wavelength in linear Rec. 709 over [`Self::prob`]. Its luminance is positive. Channels are negative
@@ -97,6 +97,10 @@ struct Spectrum {
     prob: Vec<f32>,
     /// Sums of the probabilities up to each wavelength, which it includes.
     cumulative: Vec<f64>,
+    /// Sums of the probabilities up to the middle of each wavelength.
+    middle: Vec<f64>,
+    /// Probability of the wavelengths that merge with each.
+    mergeable: Vec<f32>,
 }
 
 static SPECTRUM: LazyLock<Spectrum> = LazyLock::new(|| {
@@ -108,12 +112,23 @@ static SPECTRUM: LazyLock<Spectrum> = LazyLock::new(|| {
     let total: f64 = shares.iter().map(density).sum();
     let probs: Vec<f64> = shares.iter().map(|share| density(share) / total).collect();
     let mut sum = 0.0;
-    let cumulative = probs.iter().map(|prob| {
-        sum += prob;
-        sum
-    });
+    let cumulative: Vec<f64> = probs
+        .iter()
+        .map(|prob| {
+            sum += prob;
+            sum
+        })
+        .collect();
+    let middle: Vec<f64> =
+        cumulative.iter().zip(&probs).map(|(end, prob)| end - 0.5 * prob).collect();
+    let mergeable = |own: &f64| {
+        let near = middle.iter().map(|other| (own - other).abs() <= Wavelength::MERGED);
+        near.zip(&probs).filter(|(near, _)| *near).map(|(_, prob)| prob).sum::<f64>() as f32
+    };
     Spectrum {
-        cumulative: cumulative.collect(),
+        mergeable: middle.iter().map(mergeable).collect(),
+        middle,
+        cumulative,
         color: shares.iter().zip(&probs).map(|(share, prob)| (share / *prob).as_vec3()).collect(),
         prob: probs.iter().map(|&prob| prob as f32).collect(),
     }
@@ -294,10 +309,23 @@ mod tests {
                 .sum();
             assert!((mean - DVec3::ONE).abs().max_element() < 1e-5, "{own:?}: {mean}");
         }
-        let [near, far] = [537, 538].map(|index| Wavelength::from_index(index).unwrap());
-        let own = Wavelength::from_index(512).unwrap();
-        assert!(own.merge_factor(near) != Rgb::ZERO && own.merge_factor(far) == Rgb::ZERO);
-        assert!(near.nanometers() - own.nanometers() < 10.0);
+        // Half widths of the kernel, nm, at green, and toward the ends, where the eye sees little.
+        let reach = |nanometers: f64| {
+            let near = |w: &Wavelength| (w.nanometers() - nanometers).abs();
+            let own = Wavelength::all().min_by(|a, b| near(a).total_cmp(&near(b))).unwrap();
+            let all = Wavelength::all().filter(|other| own.merge_factor(*other) != Rgb::ZERO);
+            let merged: Vec<f64> = all.map(Wavelength::nanometers).collect();
+            [nanometers - merged[0], merged[merged.len() - 1] - nanometers]
+        };
+        for (nanometers, most) in [(450.0, 20.0), (500.0, 16.0), (550.0, 4.0), (600.0, 7.0)] {
+            let [below, above] = reach(nanometers);
+            assert!(below.max(above) < most, "{nanometers}: {below} {above}");
+        }
+        // Factors are bounded, so that rare wavelengths do not become outliers.
+        for own in Wavelength::all() {
+            let factor = (own.merge_factor(own) * own.color()).x;
+            assert!((15.0..35.0).contains(&factor), "{own:?}: {factor}");
+        }
     }
 
     #[test]

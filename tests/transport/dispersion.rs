@@ -217,9 +217,9 @@ fn ball_under_a_panel(ball_material: Material) -> Arc<Scene> {
         meshes.push(square(axis, -axis, 1.0, 0));
         meshes.push(square(-axis, axis, 1.0, 0));
     }
-    meshes.push(square(Vec3::new(0.0, 0.0, 0.95), -Vec3::Z, 0.3, 1));
+    meshes.push(square(Vec3::new(0.0, 0.0, 0.95), -Vec3::Z, 0.6, 1));
     meshes.push(sphere(Vec3::new(0.1, 0.1, -0.4), 0.35, 3, false, 2));
-    let materials = vec![gray(0.5, 0.0), gray(0.0, 4.0), ball_material];
+    let materials = vec![gray(0.5, 0.0), gray(0.0, 1.0), ball_material];
     scene(
         meshes,
         materials,
@@ -247,7 +247,7 @@ fn all_strategies_and_the_path_tracer_have_one_mean_of_each_channel() {
     let accel = accel(&scene);
     let mut tracer = PathTracer::new(&scene, &*accel, &settings(SIDE, SIDE));
     let reference = samples(100, || {
-        tracer.iterate(64);
+        tracer.iterate(256);
         tracer.film().sums.map_rows(|sums| sums.radiance)
     });
     for direct in [Direct::Connect, Direct::PhotonMap] {
