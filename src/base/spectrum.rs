@@ -295,7 +295,8 @@ mod tests {
         // Mean 1022, standard deviation 45.
         assert!((chi2 - 1022.0).abs() < 4.0 * 45.2, "{chi2}");
         assert_eq!(Wavelength::sample(0.0).index(), 1);
-        assert_eq!(Wavelength::sample(0.999_999_94).index(), 1023);
+        // The last wavelengths are rarer than the step of the numbers.
+        assert!(Wavelength::sample(0.999_999_94).index() > 1015);
     }
 
     #[test]
