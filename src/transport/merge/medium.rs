@@ -109,7 +109,7 @@ impl MediumMerge<'_> {
             if let Some(own) = point.wavelength
                 && let Some(other) = Wavelength::from_index(photon.wavelength_index())
             {
-                // theory.md (47m)
+                // theory.md (47l)
                 light *= own.merge_factor(other);
             }
             found.all[of] += light;
