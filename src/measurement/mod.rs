@@ -20,6 +20,7 @@ use crate::film::aov::AovSelection;
 use crate::film::radiance::luminance;
 use crate::import::Loaded;
 use crate::job::{Event, RenderJob, RenderResult, RenderState};
+use crate::render::block::CombinedImage;
 use crate::scene::backend::{self, Backend};
 use crate::scene::bsdf::Lobe;
 use crate::scene::{Emitter, LightSource, MeterKind, MeterSet, Placement, Scene};
@@ -425,7 +426,7 @@ fn readings(state: &RenderState, series: &MeanSeries, columns: &[Range<usize>]) 
     let image = state.image();
     let samples = image.iterations() as f64;
     let values: Vec<f64> = image.mean().iter().map(|value| luminance(value.as_dvec3())).collect();
-    let variances = image.variance_of_mean().unwrap_or_else(|| vec![f64::INFINITY; values.len()]);
+    let variances = variances(&image).unwrap_or_else(|| vec![f64::INFINITY; values.len()]);
     let shared = state.renderer.shared();
     let direct: Vec<f64> = image.light_rows(shared, 0..1).map_or_else(
         || vec![0.0; values.len()],
@@ -447,6 +448,13 @@ fn readings(state: &RenderState, series: &MeanSeries, columns: &[Range<usize>]) 
         (columns.clone().map(reading).collect(), mean)
     };
     columns.iter().zip(of_means).map(of_set).collect()
+}
+
+/// Variance of the mean of each meter. The estimate for a corrected bias subtracts the noise of the correction, and may
+/// be far too small, even 0, with few iterations. It is therefore at least that of the uncorrected mean.
+fn variances(image: &CombinedImage) -> Option<Vec<f64>> {
+    let pairs = image.variance_of_mean()?.into_iter().zip(image.uncorrected_variance()?);
+    Some(pairs.map(|(corrected, uncorrected)| corrected.max(uncorrected)).collect())
 }
 
 /// The chosen technique and path counts in words.
