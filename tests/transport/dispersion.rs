@@ -156,16 +156,18 @@ const TILE: u32 = 4;
 /// Mean of each channel in each tile and iteration, from the sums of an image: `[3 tile + channel][iteration]`.
 fn samples(iterations: usize, mut next: impl FnMut() -> Vec<DVec3>) -> Vec<Vec<f64>> {
     let across = SIDE / TILE;
-    let mut all = vec![vec![0.0; iterations]; (3 * across * across) as usize];
+    let mut all = vec![Vec::with_capacity(iterations); (3 * across * across) as usize];
     let mut before = vec![DVec3::ZERO; (SIDE * SIDE) as usize];
-    for iteration in 0..iterations {
+    for _ in 0..iterations {
         let sums = next();
+        let mut means = vec![0.0; all.len()];
         for (pixel, (sum, before)) in (0..).zip(sums.iter().zip(&before)) {
             let tile = pixel / SIDE / TILE * across + pixel % SIDE / TILE;
             for (channel, value) in (*sum - *before).to_array().into_iter().enumerate() {
-                all[3 * tile as usize + channel][iteration] += value / f64::from(TILE * TILE);
+                means[3 * tile as usize + channel] += value / f64::from(TILE * TILE);
             }
         }
+        all.iter_mut().zip(means).for_each(|(series, mean)| series.push(mean));
         before = sums;
     }
     all
