@@ -65,7 +65,7 @@ impl Wavelength {
 
     /// Factor of a merge of a photon of the wavelength `photon` with a camera path of this wavelength. Both weights have
     /// the color of their wavelength. The factor replaces the photon's color by a kernel, which is 0 unless the cumulative
-    /// probabilities of both differ by at most [`Self::MERGED`]. The mean over the photon's wavelength of the factor times
+    /// probabilities of both differ by at most `Self::MERGED`. The mean over the photon's wavelength of the factor times
     /// its color is 1.
     /// theory.md (47l)
     pub fn merge_factor(self, photon: Self) -> Rgb {
