@@ -248,16 +248,16 @@ fn all_strategies_and_the_path_tracer_have_one_mean_of_each_channel() {
     let scene = ball_under_a_panel(glass(RefractiveIndex::Abbe { index: 1.5, abbe: 5.0 }));
     let accel = accel(&scene);
     let mut tracer = PathTracer::new(&scene, &*accel, &settings(SIDE, SIDE));
-    let reference = samples(100, || {
+    let reference = samples(250, || {
         tracer.iterate(256);
         tracer.film().sums.map_rows(|sums| sums.radiance)
     });
     for direct in [Direct::Connect, Direct::PhotonMap] {
         let settings = Settings { direct, ..base_settings() };
-        let single = rendered(&scene, settings.clone(), 100);
+        let single = rendered(&scene, settings.clone(), 250);
         assert_equal(&format!("single, {direct:?}"), &single, &reference, 0.02);
         for weighting in WEIGHTINGS {
-            let own = rendered(&scene, weighted(&settings, weighting), 100);
+            let own = rendered(&scene, weighted(&settings, weighting), 250);
             assert_equal(&format!("{weighting:?}, {direct:?}"), &own, &reference, 0.02);
         }
     }
