@@ -235,6 +235,11 @@ pub fn disc_area(radius: f32) -> f32 {
     PI * radius * radius
 }
 
+/// Volume of a ball.
+pub fn ball_volume(radius: f32) -> f32 {
+    4.0 / 3.0 * PI * radius.powi(3)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

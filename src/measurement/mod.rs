@@ -317,8 +317,11 @@ impl MeasureJob {
 fn missing_light(scene: &Scene) -> Option<String> {
     let is_delta = scene.lights().emitters().iter().any(Emitter::is_delta);
     let passes = |placement: &Placement| {
-        let bsdf = &scene.materials()[placement.material as usize].bsdf;
-        bsdf.passes_through() && bsdf.spread() != Some(Lobe::Rough)
+        let material = &scene.materials()[placement.material as usize];
+        let passes = material.bsdf.passes_through();
+        passes
+            && material.bsdf.spread() != Some(Lobe::Rough)
+            && !material.is_index_matched_boundary()
     };
     let text = "light of points, spots and suns that reaches a meter only by mirrors or through glass is missing";
     (is_delta && scene.placements().iter().any(passes)).then(|| text.to_owned())

@@ -127,13 +127,14 @@ pub fn check_has_light(scene: &Scene) -> Result<()> {
     Err(Error::new("the scene has no light", "add a [[light]], or give a material some emission"))
 }
 
-/// Refuses several techniques with photons in media that scatter, which their weights do not know.
+/// Refuses the strategies whose weights do not hold in the media of the scene.
 fn check_media(scene: &Scene, settings: &Settings) -> Result<()> {
     let is_weighted = matches!(settings.strategy, Strategy::Mis | Strategy::CutMis);
-    if !is_weighted || !scene.media().is_some_and(Media::scatters) {
+    if !is_weighted || scene.media().is_none_or(Media::allows_weighted_merges) {
         return Ok(());
     }
-    let problem = "the strategies `mis` and `cut-mis` do not support media that scatter";
+    let problem =
+        "the strategies `mis` and `cut-mis` support only media that absorb, inside of glass";
     Err(Error::new(problem, "use the strategy `single` or `path`"))
 }
 

@@ -71,6 +71,11 @@ impl Material {
         is_textured || self.bsdf.is_anisotropic()
     }
 
+    /// Returns true if the surface only bounds media, so that all light goes straight on.
+    pub fn is_index_matched_boundary(&self) -> bool {
+        self.boundary.is_some() && self.bsdf.is_index_matched()
+    }
+
     /// Returns true if the material has any texture.
     pub fn is_textured(&self) -> bool {
         self.varies() || self.opacity_texture.is_some()

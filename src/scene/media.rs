@@ -104,7 +104,7 @@ impl Media {
                 Some(Boundary {
                     interior: number(interior),
                     exterior: number(exterior),
-                    is_index_matched: material.bsdf.is_index_matched(),
+                    is_index_matched: material.is_index_matched_boundary(),
                 })
             })
             .collect();
@@ -161,9 +161,10 @@ impl Media {
         &self.media
     }
 
-    /// Returns true if any medium scatters.
-    pub fn scatters(&self) -> bool {
-        self.media.iter().any(|medium| medium.scatters())
+    /// Returns true if the weights of merges among several techniques (`mis`, `cut-mis`) hold: they know neither
+    /// vertices in media, nor light paths that start anew behind a boundary.
+    pub fn allows_weighted_merges(&self) -> bool {
+        !self.media.iter().any(|medium| medium.scatters()) && !self.has_index_matched()
     }
 
     /// The medium that fills the space in a state; `None` for empty space.
@@ -203,7 +204,7 @@ impl Media {
     }
 
     /// Returns true if paths go straight through any surface.
-    pub fn has_index_matched(&self) -> bool {
+    fn has_index_matched(&self) -> bool {
         self.boundaries.iter().any(|boundary| boundary.is_index_matched)
     }
 

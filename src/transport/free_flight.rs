@@ -1,6 +1,6 @@
 //! Paths on their way through media to the surfaces that they hit.
 
-use super::path_state::{Depth, PathState, PathStates};
+use super::path_state::{History, PathState, PathStates};
 use crate::accel::{Hit, HitPacket, Ray};
 use crate::base::math::Rgb;
 use crate::scene::{Flight, Media, Medium, Scene, Surface};
@@ -41,7 +41,7 @@ pub(super) fn travel<'a>(
     hit: &Hit,
     state: &mut PathState,
 ) -> Option<Passed<'a>> {
-    let within = state.depth.media();
+    let within = state.history.media();
     if let Some(medium) = media.medium(within) {
         match medium.travel(hit.t, state.weight, &mut state.rng) {
             Flight::Arrives { weight } => state.weight *= weight,
@@ -60,36 +60,33 @@ pub(super) fn travel<'a>(
     }
     media.is_index_matched(hit.mesh).then(|| {
         let surface = scene.surface(ray, hit);
-        state.depth = state.depth.within(media.cross(within, hit.mesh, surface.front));
+        state.history = state.history.within(media.cross(within, hit.mesh, surface.front));
         Passed::Boundary(Ray::new(surface.start(ray.direction), ray.direction))
     })
 }
 
-/// [`travel`] for the first `count` paths. Calls `pass` for those that do not arrive, whose hits become misses, and
-/// returns their bits.
+/// Takes each of the first `count` paths through media by `arrives`, which tests whether it arrives at its hit. The hits of
+/// the others become misses; returns their bits.
 pub(super) fn travel_all(
-    scene: &Scene,
-    media: &Media,
     states: &mut PathStates,
     hits: &mut HitPacket,
     count: usize,
-    mut pass: impl FnMut(PathState, Passed),
+    mut arrives: impl FnMut(&Ray, &Hit, &mut PathState) -> bool,
 ) -> u32 {
     let mut gone = 0;
     for lane in 0..count.min(LANES) {
         let (ray, mut state) = states.get(lane);
-        let passed = travel(scene, media, &ray, &hits.get(lane), &mut state);
+        let arrives = arrives(&ray, &hits.get(lane), &mut state);
         states.set(lane, &ray, &state);
-        if let Some(passed) = passed {
+        if !arrives {
             gone |= 1 << lane;
             hits.set(lane, &Hit::MISS);
-            pass(state, passed);
         }
     }
     gone
 }
 
-impl Depth {
+impl History {
     /// The media around a path that leaves a surface along `direction`.
     #[inline]
     #[must_use]

@@ -2,7 +2,7 @@
 
 use super::mis::densities::Survival;
 use super::mis::weights::GatherPartials;
-use super::path_state::Depth;
+use super::path_state::History;
 use super::photon::Photon;
 use crate::base::math::Rgb;
 use crate::base::spectrum::Wavelength;
@@ -62,7 +62,7 @@ pub(crate) struct GatherPacket {
     pub normal: Vec3s,
     pub path: [u32; LANES],
     /// Numbers of the diffuse vertices, and wavelengths.
-    pub depth: [Depth; LANES],
+    pub history: [History; LANES],
     pub view: [u32; LANES],
     /// Meshes and sides of the [`TriangleSide`]s.
     pub mesh: [u32; LANES],
@@ -86,8 +86,8 @@ impl GatherPacket {
             position: self.position.get(lane),
             path: self.path[lane],
             weight: self.weight.get(lane),
-            vertex: self.depth[lane].diffuse(),
-            wavelength: self.depth[lane].wavelength(),
+            vertex: self.history[lane].diffuse(),
+            wavelength: self.history[lane].wavelength(),
             normal: self.normal.get(lane),
             view: self.view[lane],
             facet: TriangleSide { mesh: self.mesh[lane], side: self.side[lane] },
@@ -135,7 +135,7 @@ impl GatherPoints {
         packet.weight.set(lane, point.weight);
         packet.normal.set(lane, point.normal);
         packet.path[lane] = point.path;
-        packet.depth[lane] = Depth::at_vertex(point.vertex, point.wavelength);
+        packet.history[lane] = History::at_vertex(point.vertex, point.wavelength);
         packet.view[lane] = point.view;
         (packet.mesh[lane], packet.side[lane]) = (point.facet.mesh, point.facet.side);
         packet.gathers[lane] = true;
@@ -177,7 +177,7 @@ impl GatherPoints {
         &mut self.packets[packet]
     }
 
-    /// Adds the diffuse vertices in the lanes of `gathers`; `depth` has their numbers along their paths.
+    /// Adds the diffuse vertices in the lanes of `gathers`; `history` has their numbers along their paths.
     #[inline(always)] // part of the loop over vertices
     pub(crate) fn push_diffuse(
         &mut self,
@@ -185,7 +185,7 @@ impl GatherPoints {
         at: &DiffuseVertices,
         weight: &Vec3s,
         path: &[u32; LANES],
-        depth: &[Depth; LANES],
+        history: &[History; LANES],
     ) {
         self.taken = self.taken.next_multiple_of(LANES);
         *self.packet() = GatherPacket {
@@ -193,7 +193,7 @@ impl GatherPoints {
             weight: *weight,
             normal: at.normal,
             path: *path,
-            depth: *depth,
+            history: *history,
             view: [GatherPoint::NO_VIEW; LANES],
             mesh: at.mesh,
             side: at.side,

@@ -7,7 +7,7 @@
 
 use super::free_flight::{MediumVertex, Passed, travel};
 use super::light_paths::survival;
-use super::path_state::{Depth, PathState};
+use super::path_state::{History, PathState};
 use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::base::error::{Error, Result};
 use crate::base::math::{Rgb, luminance};
@@ -289,8 +289,8 @@ impl Goniometer {
 fn start(scene: &Scene, accel: &dyn Intersect, mut rng: Rng) -> (Ray, PathState) {
     let Emission { origin, direction, flux } = scene.lights().emit(&mut rng);
     let around = scene.media().map(|media| media.at(scene, accel, origin)).unwrap_or_default();
-    let depth = Depth::default().within(around);
-    let state = PathState { rng, weight: flux, inverse_start: 1.0, path: 0, depth };
+    let history = History::default().within(around);
+    let state = PathState { rng, weight: flux, inverse_start: 1.0, path: 0, history };
     (Ray::new(origin, direction), state)
 }
 
@@ -309,14 +309,14 @@ fn passing(passed: Passed, mut state: PathState) -> Option<(Ray, PathState)> {
 /// Continues a light path at a surface, unless it ends.
 fn scattered(scene: &Scene, surface: &Surface, mut state: PathState) -> Option<(Ray, PathState)> {
     let mut surface = *surface;
-    let mut wavelength = state.depth.wavelength();
+    let mut wavelength = state.history.wavelength();
     state.weight *= surface.disperse(&mut wavelength, &mut state.rng);
-    state.depth = state.depth.with_wavelength(wavelength);
+    state.history = state.history.with_wavelength(wavelength);
     let sample = surface.scatter_flux(&mut state.rng)?;
     if !survives(sample.weight, &mut state) {
         return None;
     }
-    state.depth = state.depth.leaving(scene, &surface, sample.wi);
+    state.history = state.history.leaving(scene, &surface, sample.wi);
     Some((Ray::new(surface.start(sample.wi), sample.wi), state))
 }
 

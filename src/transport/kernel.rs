@@ -1,11 +1,11 @@
 //! The merge kernel: which photons count at a point, and by what area their flux is divided.
 
 use super::area::{Areas, PointAreas, Query, admission};
-use super::camera_paths::{Room, ball_volume};
 use super::gather::GatherPacket;
 use super::photon::{Photon, PhotonClass, PhotonSide};
 use super::photon_map::MergeQuery;
-use crate::base::math::disc_area;
+use super::room::Room;
+use crate::base::math::{ball_volume, disc_area};
 use crate::scene::diffuse::TriangleSide;
 use crate::settings::{self, Settings};
 use crate::simd::{LANES, Mask, Vec3s};

@@ -1,12 +1,12 @@
 //! Light phase: traces light paths breadth-first and stores their photons.
 
 use super::area::Areas;
-use super::free_flight::{MediumVertex, Passed, travel_all};
+use super::free_flight::{MediumVertex, Passed, travel, travel_all};
 use super::mis::Mis;
 use super::mis::photons::LightPartials;
 use super::mis::weights::PhotonPartials;
 use super::path_queue::PathQueue;
-use super::path_state::{Depth, PathState, PathStates, at_other_surface};
+use super::path_state::{History, PathState, PathStates, at_other_surface};
 use super::photon::{Arrival, Extent, Photon, PhotonClass, PhotonPacket, pack_wavelength};
 use crate::accel::{Coherence, HitPacket, Intersect, Ray};
 use crate::base::math::{Rgb, pack_direction};
@@ -290,7 +290,7 @@ impl Tracer {
             if pass.scene.media().is_some() {
                 for lane in 0..count {
                     let around = pass.scene.media_at_emitter(emissions.emitter[lane]);
-                    states.depth[lane] = Depth::default().within(around);
+                    states.history[lane] = History::default().within(around);
                 }
             }
             self.segments.append(simd, &emitted, &states);
@@ -307,8 +307,9 @@ impl Tracer {
         for (packet, hits) in all_hits.iter_mut().enumerate() {
             let count = segments.load(packet, &mut states);
             if let Some(media) = scene.media() {
-                travel_all(scene, media, &mut states, hits, count, |state, passed| {
-                    self.pass(pass, state, passed);
+                travel_all(&mut states, hits, count, |ray, hit, state| {
+                    let passed = travel(scene, media, ray, hit, state);
+                    passed.map(|passed| self.pass(pass, *state, passed)).is_none()
                 });
             }
             let rest = scene.lambertian(simd, &states.direction, hits, count, &mut seen, &mut at);
@@ -342,13 +343,13 @@ impl Tracer {
             Passed::Boundary(ray) => return self.next.push_state(&ray, &state),
             Passed::Scattered(vertex) => vertex,
         };
-        if self.stores_direct || !state.depth.is_start() {
-            let (path, class) = (pass.sample_of(state.path), class_of(state.depth));
+        if self.stores_direct || !state.history.is_start() {
+            let (path, class) = (pass.sample_of(state.path), class_of(state.history));
             // theory.md (37g)
             let photon = Photon::new(position, path, state.weight * weight, Vec3::ZERO, class);
-            let mut photon = photon.coming_from(-direction).within(state.depth.media());
+            let mut photon = photon.coming_from(-direction);
             if self.stores_wavelengths {
-                photon.from = pack_wavelength(photon.from, state.depth.wavelength_index());
+                photon.from = pack_wavelength(photon.from, state.history.wavelength_index());
             }
             self.medium_photons.push(photon);
         }
@@ -356,7 +357,7 @@ impl Tracer {
         let survival = survival(weight);
         if state.rng.next_1d() < survival {
             state.weight *= weight / survival;
-            state.depth = state.depth.scattered();
+            state.history = state.history.scattered();
             let next = medium.scatter(direction, &mut state.rng);
             self.next.push_state(&Ray::new(position, next), &state);
         }
@@ -373,9 +374,9 @@ impl Tracer {
     ) {
         let (mut stored, mut arrival, mut from) = (Mask::default(), [0; LANES], [0; LANES]);
         for lane in 0..LANES {
-            let depth = states.depth[lane];
-            stored[lane] = at.active[lane] & (self.stores_direct | !depth.is_start());
-            arrival[lane] = Arrival::new(at.normal.get(lane), class_of(depth) as u32).0;
+            let history = states.history[lane];
+            stored[lane] = at.active[lane] & (self.stores_direct | !history.is_start());
+            arrival[lane] = Arrival::new(at.normal.get(lane), class_of(history) as u32).0;
         }
         if !any(&stored) {
             return;
@@ -390,7 +391,7 @@ impl Tracer {
         }
         if self.stores_wavelengths {
             for (lane, from) in from.iter_mut().enumerate() {
-                *from = pack_wavelength(*from, states.depth[lane].wavelength_index());
+                *from = pack_wavelength(*from, states.history[lane].wavelength_index());
             }
         }
         if let Some(areas) = pass.areas {
@@ -427,12 +428,12 @@ impl Tracer {
         let (mut goes_on, mut expected) = (Mask::default(), [0.0; LANES]);
         for lane in 0..LANES {
             let (flux, albedo) = (states.weight.get(lane), at.albedo.get(lane));
-            let is_first = states.depth[lane].diffuse() == 0;
+            let is_first = states.history[lane].diffuse() == 0;
             expected[lane] = survival(albedo) * if is_first { pass.splitting } else { 1.0 };
             goes_on[lane] = at.active[lane] & (ends[lane] < expected[lane]);
             // theory.md (38)
             states.weight.set(lane, flux * (albedo / expected[lane]));
-            states.depth[lane] = states.depth[lane].scattered();
+            states.history[lane] = states.history[lane].scattered();
         }
         self.next.append(simd, &goes_on, states);
         if pass.splitting > 1.0 {
@@ -480,25 +481,25 @@ impl Tracer {
     ) -> Option<(Ray, PathState)> {
         let lights = pass.scene.lights();
         let Surface { position, normal, wo, .. } = *surface;
-        if surface.bsdf.merges() && (self.stores_direct || !state.depth.is_start()) {
+        if surface.bsdf.merges() && (self.stores_direct || !state.history.is_start()) {
             self.partials.store(&state);
-            let class = class_of(state.depth);
+            let class = class_of(state.history);
             let TriangleSide { mesh, side } = surface.facet;
             let tag = pass.areas.map_or(0, |areas| areas.side_tag(mesh, side));
             let path = pass.sample_of(state.path);
             let photon = Photon::new(position, path, state.weight, normal, class).on_side(tag);
             let mut photon = if self.stores_directions { photon.coming_from(wo) } else { photon };
             if self.stores_wavelengths {
-                photon.from = pack_wavelength(photon.from, state.depth.wavelength_index());
+                photon.from = pack_wavelength(photon.from, state.history.wavelength_index());
             }
             self.photons.push(photon);
         }
         let sample = surface.scatter_flux(&mut state.rng)?;
         self.partials.scatter(lights, surface, origin, &state, &sample);
-        state.depth = if sample.lobe.passes_through() {
-            state.depth.passed_through()
+        state.history = if sample.lobe.passes_through() {
+            state.history.passed_through()
         } else {
-            state.depth.scattered()
+            state.history.scattered()
         };
         let survival = survival(sample.weight);
         if state.rng.next_1d() >= survival {
@@ -506,15 +507,15 @@ impl Tracer {
         }
         // theory.md (38)
         state.weight *= sample.weight / survival;
-        state.depth = state.depth.leaving(pass.scene, surface, sample.wi);
+        state.history = state.history.leaving(pass.scene, surface, sample.wi);
         Some((Ray::new(surface.start(sample.wi), sample.wi), state))
     }
 }
 
 /// Class of the next photon of a path: theory.md, section 4.
 #[inline(always)] // part of vector loops, as the function below
-pub(super) fn class_of(depth: Depth) -> PhotonClass {
-    if depth.diffuse() == 0 { PhotonClass::Caustic } else { PhotonClass::Diffuse }
+pub(super) fn class_of(history: History) -> PhotonClass {
+    if history.diffuse() == 0 { PhotonClass::Caustic } else { PhotonClass::Diffuse }
 }
 
 /// Survival probability at a vertex that multiplies the flux by `weight`: theory.md (39).

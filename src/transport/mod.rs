@@ -16,3 +16,4 @@ pub mod photon;
 pub mod photon_map;
 pub mod reference;
 mod path_state;
+mod room;

@@ -26,7 +26,7 @@ pub(super) struct PathStates {
     /// Numbers of the paths.
     pub path: [u32; LANES],
     /// Numbers of vertices so far, and wavelengths.
-    pub depth: [Depth; LANES],
+    pub history: [History; LANES],
 }
 
 impl Columns<16> for PathStates {
@@ -45,9 +45,9 @@ impl Columns<16> for PathStates {
 /// Paths end by roulette long before 1,023 diffuse vertices, the most that are counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
-pub(crate) struct Depth(u32);
+pub(crate) struct History(u32);
 
-impl Depth {
+impl History {
     /// Bits for the diffuse vertices.
     const DIFFUSE: u32 = (1 << 10) - 1;
     /// Start and largest number of the vertices that the path passed through.
@@ -137,7 +137,7 @@ pub(super) struct PathState {
     pub weight: Rgb,
     pub inverse_start: f32,
     pub path: u32,
-    pub depth: Depth,
+    pub history: History,
 }
 
 impl PathStates {
@@ -148,7 +148,7 @@ impl PathStates {
             weight: self.weight.get(lane),
             inverse_start: self.inverse_start[lane],
             path: self.path[lane],
-            depth: self.depth[lane],
+            history: self.history[lane],
         };
         (ray, state)
     }
@@ -160,7 +160,7 @@ impl PathStates {
         self.weight.set(lane, state.weight);
         self.inverse_start[lane] = state.inverse_start;
         self.path[lane] = state.path;
-        self.depth[lane] = state.depth;
+        self.history[lane] = state.history;
     }
 }
 
@@ -193,9 +193,9 @@ pub(super) fn at_other_surface(
         }
         None => {
             if surface.material.dispersion.is_some() {
-                let mut wavelength = state.depth.wavelength();
+                let mut wavelength = state.history.wavelength();
                 state.weight *= surface.disperse(&mut wavelength, &mut state.rng);
-                state.depth = state.depth.with_wavelength(wavelength);
+                state.history = state.history.with_wavelength(wavelength);
             }
             scatter(&surface, state)
         }
@@ -207,39 +207,42 @@ mod tests {
     use super::*;
 
     #[test]
-    fn depth_counts_both_kinds_of_vertices_and_keeps_the_media() {
-        let mut depth = Depth::default().within(MediumState(41));
-        assert!(depth.is_start());
+    fn history_counts_both_kinds_of_vertices_and_keeps_the_media() {
+        let mut history = History::default().within(MediumState(41));
+        assert!(history.is_start());
         for _ in 0..300 {
-            depth = depth.scattered();
+            history = history.scattered();
         }
-        let depth = depth.passed_through().passed_through();
-        assert_eq!((depth.diffuse(), depth.passed(), depth.is_start()), (300, 2, false));
-        assert_eq!(depth.media(), MediumState(41));
-        assert_eq!(depth.within(MediumState(63)).media(), MediumState(63));
-        assert_eq!(depth.within(MediumState(63)).diffuse(), 300);
+        let history = history.passed_through().passed_through();
+        assert_eq!((history.diffuse(), history.passed(), history.is_start()), (300, 2, false));
+        assert_eq!(history.media(), MediumState(41));
+        assert_eq!(history.within(MediumState(63)).media(), MediumState(63));
+        assert_eq!(history.within(MediumState(63)).diffuse(), 300);
     }
 
     #[test]
     fn full_counts_stay() {
-        let mut depth = Depth::default().within(MediumState(9));
+        let mut history = History::default().within(MediumState(9));
         for _ in 0..2000 {
-            depth = depth.scattered().passed_through();
+            history = history.scattered().passed_through();
         }
-        assert_eq!((depth.diffuse(), depth.passed(), depth.media()), (1023, 63, MediumState(9)));
+        assert_eq!(
+            (history.diffuse(), history.passed(), history.media()),
+            (1023, 63, MediumState(9))
+        );
     }
 
     #[test]
-    fn parts_of_depth_do_not_touch_each_other() {
+    fn parts_of_a_history_do_not_touch_each_other() {
         let wavelength = Wavelength::from_index(1023);
-        let mut depth = Depth::default().with_wavelength(wavelength);
-        assert!(depth.is_start());
+        let mut history = History::default().with_wavelength(wavelength);
+        assert!(history.is_start());
         for _ in 0..2000 {
-            depth = depth.scattered().passed_through();
+            history = history.scattered().passed_through();
         }
-        assert_eq!((depth.diffuse(), depth.passed()), (1023, 63));
-        assert_eq!(depth.wavelength(), wavelength);
-        let other = depth.with_wavelength(Wavelength::from_index(1));
+        assert_eq!((history.diffuse(), history.passed()), (1023, 63));
+        assert_eq!(history.wavelength(), wavelength);
+        let other = history.with_wavelength(Wavelength::from_index(1));
         assert_eq!((other.diffuse(), other.passed(), other.wavelength_index()), (1023, 63, 1));
         assert_eq!(other.with_wavelength(None).wavelength(), None);
     }

@@ -1,7 +1,6 @@
 //! Photons: the records of light paths at the surfaces where they arrive.
 
 use crate::base::math::{Bounds, Rgb, pack_direction, unpack_direction};
-use crate::scene::MediumState;
 use crate::simd::dispatch::{Simd, for_each_row};
 use crate::simd::{LANES, Vec3s};
 use bytemuck::{Pod, Zeroable};
@@ -234,17 +233,6 @@ impl Photon {
     pub fn from_as_at(&self, normal: Vec3) -> Vec3 {
         let own = self.arrival.normal().normalize();
         Quat::from_rotation_arc(own, normal) * unpack_direction(self.from)
-    }
-
-    /// Sets the media around it, for a photon that is on no surface.
-    #[must_use]
-    pub(crate) fn within(self, media: MediumState) -> Self {
-        Self { arrival: Arrival(self.arrival.0 | u32::from(media.0)), ..self }
-    }
-
-    /// The media of [`Self::within`].
-    pub(crate) fn media(&self) -> MediumState {
-        MediumState(self.arrival.0 as u8)
     }
 
     /// Unit vector against the direction of flight.

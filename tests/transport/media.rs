@@ -1,12 +1,20 @@
 //! Media: against closed forms, and against the path tracer.
 
+use crate::common::far_counts;
 use crate::common::images::{Difference, Subject};
 use crate::common::*;
+use bdpm::base::math::luminance;
+use bdpm::base::rng::{Stream, StreamKey};
 use bdpm::noise::Measure;
 use bdpm::scene::bsdf::{Bsdf, Dielectric, ThinDielectric};
 use bdpm::scene::{Material, Medium, MediumBoundary, Mesh};
 use bdpm::settings::Direct::{Connect, PhotonMap};
-use bdpm::settings::Strategy;
+use bdpm::settings::{Kernel, Strategy};
+use bdpm::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
+use bdpm::transport::kernel::MergeKernel;
+use bdpm::transport::light_paths::LightPaths;
+use bdpm::transport::merge::{Merge, MergeOptions, MergeOutput};
+use bdpm::transport::photon_map::PhotonMap as Map;
 use bdpm::{Renderer, Scene, Settings};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
@@ -259,4 +267,172 @@ fn all_strategies_make_the_image_of_the_path_tracer() {
         assert!(off.abs() < 4.0 * error + 5e-3, "{what}");
         assert!(z2 < 2.0, "{what}");
     }
+}
+
+/// Balls reach through thin walls, but photons behind them do not count.
+#[test]
+fn fog_does_not_shine_through_a_wall() {
+    let mut meshes = cube(Vec3::ZERO, 1.0, true, 0);
+    meshes.extend(cube(Vec3::new(2.01, 0.0, 0.0), 1.0, true, 0));
+    meshes.push(square(Vec3::new(2.0, 0.0, 0.9), -Vec3::Z, 0.5, 1));
+    let materials = vec![gray(0.5, 0.0), gray(0.0, 4.0)];
+    let eye = camera(Vec3::new(-0.9, 0.1, 0.2), Vec3::new(1.0, 0.0, 0.0), 70.0);
+    let scene = filled(scene(meshes, materials, vec![], eye), gray_medium(0.1, 2.0, 0.0));
+    for (direct, merge_vertex) in [(PhotonMap, 1), (Connect, 2)] {
+        let settings = Settings {
+            direct,
+            merge_vertex,
+            kernel: Kernel::Area,
+            light_paths: 20_000,
+            camera_paths: 8,
+            radius: 0.1,
+            caustic_radius: 0.1,
+            ..settings(SIDE, SIDE)
+        };
+        let mut renderer = Renderer::new(&scene, &accel(&scene), settings).unwrap();
+        renderer.iterate(Measure::Off);
+        let sums = renderer.film().sums.map_rows(|pixel| pixel.radiance);
+        assert!(sums.iter().all(|radiance| *radiance == DVec3::ZERO), "{direct:?}");
+    }
+}
+
+/// A ball of this boundary around ink, under a panel.
+fn ink_ball(bsdf: Bsdf) -> Arc<Scene> {
+    let mut meshes = cube(Vec3::ZERO, 1.0, true, 0);
+    meshes.push(square(Vec3::new(0.0, 0.0, 0.99), -Vec3::Z, 0.5, 1));
+    meshes.push(sphere(Vec3::new(0.1, 0.1, -0.4), 0.45, 4, false, 2));
+    let ink = medium(Vec3::new(2.0, 0.5, 0.1), Vec3::ZERO, 0.0);
+    let materials = vec![gray(0.5, 0.0), gray(0.0, 4.0), around(&ink, bsdf)];
+    let eye = camera(Vec3::new(-0.9, -0.85, 0.4), Vec3::new(0.2, 0.2, -0.4), 75.0);
+    scene(meshes, materials, vec![], eye)
+}
+
+#[test]
+fn weights_of_several_techniques_hold_in_dark_glass() {
+    let scene = &ink_ball(Bsdf::Dielectric(Dielectric::new(1.5)));
+    let accel = &accel(scene);
+    let base = Settings {
+        kernel: Kernel::Area,
+        merge_vertex: 2,
+        light_paths: 30_000,
+        camera_paths: 8,
+        radius: 0.04,
+        caustic_radius: 0.04,
+        seed: 3,
+        ..settings(SIDE, SIDE)
+    };
+    let expected = Subject { scene, accel, settings: &base, region: &[] }.traced(8192);
+    for strategy in [Strategy::Mis, Strategy::CutMis] {
+        for direct in [Connect, PhotonMap] {
+            let settings = &Settings { strategy, direct, ..base.clone() };
+            let own = Subject { scene, accel, settings, region: &[] };
+            let difference = own.extrapolated(24).against(&expected);
+            let what = format!("{strategy:?} {direct:?}: {difference}");
+            println!("{what}");
+            let Difference { off, error, z2, .. } = difference;
+            assert!(error < 0.012, "says little: {what}");
+            assert!(off.abs() < 4.0 * error, "{what}");
+            assert!(z2 < 2.0, "{what}");
+        }
+    }
+}
+
+#[test]
+fn weights_that_do_not_hold_are_refused() {
+    let clear = ink_ball(Bsdf::ThinDielectric(ThinDielectric::new(1.0)));
+    for (scene, is_allowed) in [
+        (ink_ball(Bsdf::Dielectric(Dielectric::new(1.5))), true),
+        (clear, false),
+        (everything(), false),
+    ] {
+        for strategy in [Strategy::Mis, Strategy::CutMis] {
+            let settings = Settings { strategy, merge_vertex: 2, ..settings(4, 4) };
+            let made = Renderer::new(&scene, &accel(&scene), settings);
+            assert_eq!(made.is_ok(), is_allowed, "{strategy:?}");
+        }
+    }
+}
+
+/// A room of fog around a ball of milk, under a panel as wide as the ceiling.
+fn foggy_room() -> Arc<Scene> {
+    let mut meshes = cube(Vec3::ZERO, 1.0, true, 0);
+    meshes.push(square(Vec3::new(0.0, 0.0, 0.95), -Vec3::Z, 0.8, 1));
+    meshes.push(sphere(Vec3::new(0.1, 0.2, -0.4), 0.4, 2, false, 2));
+    let milk = gray_medium(0.1, 2.0, 0.3);
+    let materials = vec![gray(0.5, 0.0), gray(0.0, 4.0), index_matched(&milk)];
+    let eye = camera(Vec3::new(-0.9, -0.8, 0.2), Vec3::new(0.1, 0.2, -0.6), 70.0);
+    filled(scene(meshes, materials, vec![], eye), gray_medium(0.1, 0.5, 0.0))
+}
+
+/// Coefficients that are measured at few paths tell the noise at others: vertices in media keep to the law.
+#[test]
+fn noise_in_media_is_predicted() {
+    for (merge_vertex, direct) in [(1, PhotonMap), (2, Connect)] {
+        let asked = Settings { radius: 0.25, caustic_radius: 0.2, ..settings(SIDE, SIDE) };
+        let settings = Settings { merge_vertex, direct, medium_scale: 1.5, ..asked };
+        let name = format!("media {direct:?} k = {merge_vertex}");
+        let scene = &foggy_room();
+        far_counts::Subject { name, scene, settings, iterations: 2500, quiet: 1.0, most: 0.03 }
+            .assert_far_counts(&[(6000, 4, 300), (300, 60, 400)]);
+    }
+}
+
+/// The sums within the radii less the annulus are the sums within half of them, and pairs have the same sums and the
+/// differences of their nested radii.
+#[test]
+fn merges_in_media_nest() {
+    let scene = everything();
+    let accel = accel(&scene);
+    let scene = scene.with_start_media(&*accel);
+    let settings =
+        Settings { merge_vertex: 1, radius: 0.1, caustic_radius: 0.06, ..settings(SIDE, SIDE) };
+    let mut light = LightPaths::default();
+    light.trace(&scene, &*accel, &settings, 20_000, 0);
+    let kernel = MergeKernel::new(&settings, None);
+    let scale = settings.medium_scale as f32;
+    let mut map = Map::default();
+    map.build_in_media(&light, kernel.in_media(scale).reach());
+    let pass = CameraPass {
+        scene: &scene,
+        view: scene.camera.view(SIDE, SIDE),
+        accel: &*accel,
+        settings: &settings,
+        key: StreamKey::new(1, Stream::CameraPath, 0),
+        gather_early: true,
+    };
+    let mut paths = CameraPaths::default();
+    let ids = (0..SIDE * SIDE * 4).map(|i| CameraPathId {
+        x: i % SIDE,
+        y: i / SIDE % SIDE,
+        index: i / 64,
+    });
+    paths.trace(&pass, ids);
+    let nothing = Map::default();
+    let options = MergeOptions { records_annulus: true, ..MergeOptions::default() };
+    let merged = |share: f32| {
+        let merge = Merge::new(&nothing, 1, kernel, options);
+        let mut output = MergeOutput::default();
+        let kernel = kernel.in_media(share * scale);
+        merge.with_medium(&map, kernel).gather_pairs(&paths, &mut output, |_, _| {});
+        output
+    };
+    let [whole, inner, half] = [1.0, 0.5f32.sqrt(), 0.5].map(merged);
+    let close = |a: f32, b: f32, size: f32| (a - b).abs() <= 1e-4 * size;
+    let mut lit = 0;
+    for path in 0..paths.direct.len() {
+        let all = whole.sums[path];
+        let size = luminance(all).max(luminance(half.sums[path])) + 1e-6;
+        let annulus = luminance(whole.annulus[path][0] + whole.annulus[path][1]);
+        assert!(close(luminance(all) - annulus, luminance(half.sums[path]), size), "{path}");
+        let (mut sum, mut nested) = (0.0, [0.0; 2]);
+        for (pairs, own) in whole.pairs.of_path(path) {
+            sum += pairs.iter().map(|pair| pair.value).sum::<f32>();
+            nested = [nested[0] + own[0], nested[1] + own[1]];
+        }
+        let [a, b, c] = [&whole, &inner, &half].map(|output| luminance(output.sums[path]));
+        assert!(close(sum, a, size), "{path}: {sum} {a}");
+        assert!(close(nested[0], a - b, size) && close(nested[1], b - c, size), "{path}");
+        lit += u32::from(a != c);
+    }
+    assert!(lit > 100, "few paths merge in media: {lit}");
 }

@@ -235,12 +235,12 @@ impl Technique {
         let own = Self::of(settings);
         let strategies = if open.strategy {
             let mut all = vec![(Strategy::Single, 1)];
-            if traits.has_scattering_media {
-                all.push((Strategy::Single, 2));
-            } else {
+            if traits.may_weight {
                 all.push((Strategy::Mis, 2));
                 // In scenes of small triangles, discs are tried in its place.
                 all.extend((!traits.is_fine).then_some((Strategy::CutMis, 2)));
+            } else {
+                all.push((Strategy::Single, 2));
             }
             all.extend((!traits.needs_photons).then_some((Strategy::Path, 2)));
             all
@@ -305,8 +305,8 @@ struct SceneTraits {
     needs_photons: bool,
     /// Triangles are small, measured by the merge radius.
     is_fine: bool,
-    /// Weights of several techniques with photons do not know media that scatter.
-    has_scattering_media: bool,
+    /// Weights of several techniques with photons hold in the media of the scene.
+    may_weight: bool,
 }
 
 /// Factor on the continuations of light paths whose first hits are not merged. In `scenes/cornell-box` the noise falls as

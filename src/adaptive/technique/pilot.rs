@@ -10,8 +10,7 @@ use crate::base::error::Result;
 use crate::base::math::disc_area;
 use crate::film::radiance::luminance_weights;
 use crate::render::Renderer;
-use crate::scene::bsdf::Bsdf;
-use crate::scene::{Emitter, Media};
+use crate::scene::{Emitter, Material, Media};
 use crate::settings::{Bias, Direct, Settings, Strategy};
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
@@ -303,14 +302,18 @@ impl SceneTraits {
     fn new(renderer: &Renderer) -> Self {
         let (scene, _) = renderer.scene_and_accel();
         let has_delta_lights = scene.lights().emitters().iter().any(Emitter::is_delta);
-        let is_smooth = |bsdf: &Bsdf| bsdf.passes_through() && !bsdf.has_rough();
+        let is_smooth = |own: &Material| {
+            let passes = own.bsdf.passes_through() && !own.bsdf.has_rough();
+            // Connections pass boundaries of media.
+            passes && !own.is_index_matched_boundary()
+        };
         let mut materials = scene.materials().iter();
-        let needs_photons = has_delta_lights && materials.any(|own| is_smooth(&own.bsdf));
+        let needs_photons = has_delta_lights && materials.any(is_smooth);
         let triangles = scene.placements().iter().map(|own| scene.mesh(own).triangles.len());
         let area = disc_area(renderer.settings().radius);
         let is_fine = merging_area(scene) < triangles.sum::<usize>() as f64 * f64::from(area);
-        let has_scattering_media = scene.media().is_some_and(Media::scatters);
-        Self { needs_photons, is_fine, has_scattering_media }
+        let may_weight = scene.media().is_none_or(Media::allows_weighted_merges);
+        Self { needs_photons, is_fine, may_weight }
     }
 }
 

@@ -6,7 +6,7 @@ use crate::base::math::Rgb;
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::{Optics, Surface};
 use crate::simd::LANES;
-use crate::transport::path_state::{Depth, PathState, PathStates};
+use crate::transport::path_state::{History, PathState, PathStates};
 use glam::Vec3;
 
 /// AOVs of one camera path.
@@ -60,12 +60,12 @@ impl CameraPaths {
         states: &PathStates,
     ) {
         for lane in (0..LANES).filter(|&lane| at.active[lane]) {
-            let depth = states.depth[lane];
+            let history = states.history[lane];
             let aov = &mut self.aovs[states.path[lane] as usize];
-            aov.vertex = depth.diffuse() + 1;
-            if depth.diffuse() == 0 {
-                aov.passed = depth.passed();
-                aov.set_first_hit(pass, depth, at.position.get(lane));
+            aov.vertex = history.diffuse() + 1;
+            if history.diffuse() == 0 {
+                aov.passed = history.passed();
+                aov.set_first_hit(pass, history, at.position.get(lane));
                 let tint = states.weight.get(lane) * states.inverse_start[lane];
                 aov.set_surface(tint * at.albedo.get(lane), at.normal.get(lane));
             }
@@ -82,10 +82,10 @@ impl CameraPaths {
         normal: Vec3,
     ) {
         let aov = &mut self.aovs[state.path as usize];
-        aov.vertex = state.depth.diffuse() + 1;
-        if state.depth.diffuse() == 0 {
-            aov.passed = state.depth.passed();
-            aov.set_first_hit(pass, state.depth, surface.position);
+        aov.vertex = state.history.diffuse() + 1;
+        if state.history.diffuse() == 0 {
+            aov.passed = state.history.passed();
+            aov.set_first_hit(pass, state.history, surface.position);
             if surface.bsdf.spread().is_some() {
                 let tint = state.weight * state.inverse_start;
                 aov.set_surface(tint * surface.bsdf.color(surface.front), normal);
@@ -95,27 +95,27 @@ impl CameraPaths {
 
     /// Records that lights are connected on the way to the next vertex.
     pub(super) fn record_segment(&mut self, state: &PathState) {
-        self.aovs[state.path as usize].vertex = state.depth.diffuse() + 1;
+        self.aovs[state.path as usize].vertex = state.history.diffuse() + 1;
     }
 
     /// Records a point in a medium, before the path scatters.
     pub(super) fn record_medium(&mut self, pass: &CameraPass, state: &PathState, position: Vec3) {
         let aov = &mut self.aovs[state.path as usize];
-        aov.vertex = state.depth.diffuse() + 1;
-        if state.depth.diffuse() == 0 {
-            aov.passed = state.depth.passed();
-            aov.set_first_hit(pass, state.depth, position);
+        aov.vertex = state.history.diffuse() + 1;
+        if state.history.diffuse() == 0 {
+            aov.passed = state.history.passed();
+            aov.set_first_hit(pass, state.history, position);
         }
     }
 
-    /// Adds a light source that a path of this depth hit.
+    /// Adds a light source that a path of this history hit.
     #[inline(never)] // rare
-    pub(super) fn record_hit(&mut self, path: u32, depth: Depth, light: Rgb) {
+    pub(super) fn record_hit(&mut self, path: u32, history: History, light: Rgb) {
         let aov = &mut self.aovs[path as usize];
-        match depth.diffuse() {
+        match history.diffuse() {
             0 if aov.is_after_rough => aov.direct += light,
             0 => aov.emission += light,
-            1 if aov.passed == depth.passed() => aov.direct += light,
+            1 if aov.passed == history.passed() => aov.direct += light,
             1 => aov.caustics += light,
             _ => {}
         }
@@ -137,8 +137,8 @@ impl PathAov {
         }
     }
 
-    fn set_first_hit(&mut self, pass: &CameraPass, depth: Depth, position: Vec3) {
-        if depth.is_start() {
+    fn set_first_hit(&mut self, pass: &CameraPass, history: History, position: Vec3) {
+        if history.is_start() {
             let camera = &pass.scene.camera;
             self.position = position;
             let across = position - camera.position();

@@ -65,7 +65,7 @@ impl CameraPaths {
         (ray, length): (&Ray, f32),
         state: &mut PathState,
     ) -> Option<Equiangular> {
-        if !pass.connects() || state.depth.diffuse() > MOST_VERTICES || !medium.scatters() {
+        if !pass.connects() || state.history.diffuse() > MOST_VERTICES || !medium.scatters() {
             return None;
         }
         let angles = Equiangular::toward_light(pass.scene, ray, length, &mut state.rng)?;
@@ -89,7 +89,7 @@ impl CameraPaths {
             if self.records_aovs {
                 self.record_segment(state);
             }
-            let path = Connections::path_in(state.path, state.depth.media());
+            let path = Connections::path_in(state.path, state.history.media());
             self.queue_shadow_ray(path, contribution, light.target, position);
         }
         Some(angles)

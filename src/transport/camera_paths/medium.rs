@@ -1,15 +1,15 @@
 //! Vertices of camera paths in media.
 
 use super::mis::LastVertex;
-use super::room::Room;
 use super::{CameraPass, CameraPaths, Connections};
-use crate::accel::{Hit, HitPacket, Ray};
+use crate::accel::{HitPacket, Ray};
 use crate::base::math::Rgb;
 use crate::base::spectrum::Wavelength;
-use crate::scene::{Media, MediumState, Receiver};
-use crate::transport::free_flight::{MediumVertex, Passed, travel};
+use crate::scene::{Media, Receiver};
+use crate::transport::free_flight::{MediumVertex, Passed, travel, travel_all};
 use crate::transport::light_paths::survival;
 use crate::transport::path_state::{PathState, PathStates};
+use crate::transport::room::Room;
 use glam::Vec3;
 
 /// A vertex of a camera path in a medium, at which photons are merged.
@@ -30,8 +30,6 @@ pub struct MediumPoint {
     pub asymmetry: f32,
     /// Wavelength of the path; `None` for all wavelengths.
     pub wavelength: Option<Wavelength>,
-    /// The media around the point: photons in others do not count.
-    pub within: MediumState,
     /// Surfaces that cut the ball of the kernel.
     pub room: Room,
 }
@@ -48,29 +46,21 @@ impl CameraPaths {
         hits: &mut HitPacket,
         count: usize,
     ) -> u32 {
-        let mut gone = 0;
-        for lane in 0..count {
-            let (ray, mut state) = states.get(lane);
-            let hit = hits.get(lane);
-            let medium = media.medium(state.depth.media());
-            let angles = medium
-                .and_then(|medium| self.connect_along(pass, medium, (&ray, hit.t), &mut state));
+        travel_all(states, hits, count, |ray, hit, state| {
+            let medium = media.medium(state.history.media());
+            let angles =
+                medium.and_then(|medium| self.connect_along(pass, medium, (ray, hit.t), state));
             let before = state.weight;
-            let passed = travel(pass.scene, media, &ray, &hit, &mut state);
-            states.set(lane, &ray, &state);
-            if let Some(passed) = passed {
-                gone |= 1 << lane;
-                hits.set(lane, &Hit::MISS);
-                self.pass(pass, state, passed, |vertex| {
-                    // theory.md (37l): the technique that draws distances of flights
-                    angles.map_or(1.0, |angles| {
-                        let flight = vertex.medium.flight_density(vertex.distance, before);
-                        flight / (flight + angles.density(vertex.distance))
-                    })
-                });
-            }
-        }
-        gone
+            let passed = travel(pass.scene, media, ray, hit, state);
+            let share = |vertex: &MediumVertex| {
+                // theory.md (37l): the technique that draws distances of flights
+                angles.map_or(1.0, |angles| {
+                    let flight = vertex.medium.flight_density(vertex.distance, before);
+                    flight / (flight + angles.density(vertex.distance))
+                })
+            };
+            passed.map(|passed| self.pass(pass, *state, passed, share)).is_none()
+        })
     }
 
     /// Continues a path that met no surface that scatters. `share` is the weight of connections from a vertex.
@@ -103,7 +93,7 @@ impl CameraPaths {
         let MediumVertex { medium, position, direction, weight, .. } = *vertex;
         let scattered = weight * medium.scattering;
         state.weight *= scattered;
-        let number = state.depth.diffuse() + 1;
+        let number = state.history.diffuse() + 1;
         if self.records_aovs {
             self.record_medium(pass, &state, position);
         }
@@ -120,13 +110,12 @@ impl CameraPaths {
                 contribution *=
                     mis.balance.connection_weight(0.0, 0.0, phase * light.inverse_pdf_w);
             }
-            let path = Connections::path_in(state.path, state.depth.media());
+            let path = Connections::path_in(state.path, state.history.media());
             self.queue_shadow_ray(path, contribution, light.target, position);
         }
         if pass.gathers_at(number) {
             let (path, weight, asymmetry) = (state.path, state.weight, medium.asymmetry);
-            let (vertex, within) = (number, state.depth.media());
-            let wavelength = state.depth.wavelength();
+            let (vertex, wavelength) = (number, state.history.wavelength());
             let radius = pass.settings.reach() * pass.settings.medium_scale as f32;
             let room = Room::around(pass.scene, pass.accel, position, radius);
             self.medium_points.push(MediumPoint {
@@ -137,14 +126,13 @@ impl CameraPaths {
                 direction,
                 asymmetry,
                 wavelength,
-                within,
                 room,
             });
         }
         if !pass.goes_on_from(number) {
             return None;
         }
-        state.depth = state.depth.scattered();
+        state.history = state.history.scattered();
         if number > 1 && self.mis.is_some() {
             let survival = survival(scattered);
             if state.rng.next_1d() >= survival {

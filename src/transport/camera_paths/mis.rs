@@ -118,7 +118,7 @@ impl CameraPaths {
             // theory.md (47b), `l`
             let l =
                 luminance(light.irradiance.get(lane)) * cos * inverse_power / light.relative[lane];
-            let survival = mis.camera_survival(states.depth[lane].diffuse() + 1);
+            let survival = mis.camera_survival(states.history[lane].diffuse() + 1);
             let density = survival.lambertian(at.albedo.get(lane).max_element());
             let hit = density * cos * light.inverse_pdf_w[lane];
             let weight = mis.balance.connection_weight(earlier, l, hit);
@@ -182,11 +182,11 @@ impl CameraPaths {
         let partial = &self.last_vertices[state.path as usize].partial;
         let directions = Directions { camera: surface.wo, light: light.wi };
         let (camera, merges) = if lobe == Lobe::Rough {
-            let camera = directions.camera_rough(surface, mis.pass_choice(state.depth.diffuse()));
+            let camera = directions.camera_rough(surface, mis.pass_choice(state.history.diffuse()));
             let merges = mis.balance.caustic_merges(partial);
             (camera, if merges > 0.0 { merges * directions.light_rough(surface) } else { 0.0 })
         } else {
-            let survival = mis.camera_survival(state.depth.diffuse() + 1);
+            let survival = mis.camera_survival(state.history.diffuse() + 1);
             let camera = directions.camera_diffuse(surface, survival);
             (camera, partial.arrive(directions.light_diffuse(surface)))
         };
@@ -208,7 +208,7 @@ impl CameraPaths {
         let directions = Directions { camera: surface.wo, light: sample.wi };
         let is_diffuse = !sample.lobe.passes_through();
         let (density, partial) = if is_diffuse {
-            let number = state.depth.diffuse() + 1;
+            let number = state.history.diffuse() + 1;
             let density = directions.camera_diffuse(surface, mis.camera_survival(number));
             let merges = last.partial.arrive(1.0);
             let earlier =
@@ -216,7 +216,7 @@ impl CameraPaths {
             (density, mis.balance.leave(number, earlier, density))
         } else {
             let is_rough = sample.lobe == Lobe::Rough;
-            let choice = mis.pass_choice(state.depth.diffuse());
+            let choice = mis.pass_choice(state.history.diffuse());
             let density = if is_rough { directions.camera_rough(surface, choice) } else { 0.0 };
             let partial = if last.partial == CameraPartial::default() {
                 last.partial

@@ -6,7 +6,6 @@ mod medium;
 mod meter;
 mod mis;
 mod non_diffuse;
-mod room;
 
 pub use aov::PathAov;
 
@@ -14,7 +13,7 @@ use super::gather::{GatherPoints, GatherView};
 use super::light_paths::survival;
 use super::mis::Mis;
 use super::path_queue::{Columns, PathQueue};
-use super::path_state::{Depth, PathState, PathStates, at_other_surface};
+use super::path_state::{History, PathState, PathStates, at_other_surface};
 use crate::accel::{Coherence, HitPacket, Intersect};
 use crate::base::math::Rgb;
 use crate::base::rng::{StreamKey, camera_path_index};
@@ -26,8 +25,6 @@ use crate::simd::{LANES, Mask, Vec3s, any, lanes_of};
 use bytemuck::{Pod, Zeroable};
 pub use medium::MediumPoint;
 use mis::LastVertex;
-pub use room::Room;
-pub(crate) use room::ball_volume;
 use std::array::from_fn;
 use std::mem;
 
@@ -106,7 +103,7 @@ impl Connections {
     const CAUSTIC: u32 = 1 << 31;
     /// Marks connections from meters.
     const METER: u32 = 1 << 30;
-    /// Start of the media. Below it there is room for 2^24 paths.
+    /// Start of the media. Below it there is room for 2^24 paths; batches have less than 2^17.
     const MEDIA_AT: u32 = 24;
     const PATH: u32 = (1 << Self::MEDIA_AT) - 1;
 
@@ -255,7 +252,7 @@ impl CameraPaths {
             if pass.scene.media().is_some() {
                 for lane in 0..count {
                     let around = pass.scene.media_at_eye(&pass.view, x[lane], y[lane]);
-                    states.depth[lane] = Depth::default().within(around);
+                    states.history[lane] = History::default().within(around);
                 }
             }
             self.segments.append(simd, &is_used, &states);
@@ -337,20 +334,21 @@ impl CameraPaths {
                     &mut contributions,
                 );
             }
-            let path =
-                from_fn(|lane| Connections::path_in(states.path[lane], states.depth[lane].media()));
+            let path = from_fn(|lane| {
+                Connections::path_in(states.path[lane], states.history[lane].media())
+            });
             self.queue_shadow_rays(simd, at, &path, &light.target, &contributions);
         }
         let (mut gathers, mut goes_on) = <(Mask, Mask)>::default();
         let mut vertex = [0; LANES];
         for lane in 0..LANES {
-            states.depth[lane] = states.depth[lane].scattered();
-            vertex[lane] = states.depth[lane].diffuse();
+            states.history[lane] = states.history[lane].scattered();
+            vertex[lane] = states.history[lane].diffuse();
             gathers[lane] = at.active[lane] & pass.gathers_at(vertex[lane]);
             goes_on[lane] = at.active[lane] & pass.goes_on_from(vertex[lane]);
         }
         if any(&gathers) {
-            self.gather_points.push_diffuse(&gathers, at, &weights, &states.path, &states.depth);
+            self.gather_points.push_diffuse(&gathers, at, &weights, &states.path, &states.history);
             if let Some(mis) = &mis {
                 self.set_point_partials(mis, at, &vertex, &earlier);
             }
@@ -380,8 +378,8 @@ impl CameraPaths {
     #[inline(never)] // keeps the common case short
     fn add_emission(&mut self, pass: &CameraPass, at: &DiffuseVertices, states: &PathStates) {
         for lane in 0..LANES {
-            let diffuse = states.depth[lane].diffuse();
-            let counts = self.counts_hit(pass, states.depth[lane]);
+            let diffuse = states.history[lane].diffuse();
+            let counts = self.counts_hit(pass, states.history[lane]);
             if at.active[lane] && at.front[lane] && counts {
                 let mut emission = at.emission.get(lane);
                 if self.mis.is_some() && emission != Rgb::ZERO {
@@ -397,26 +395,26 @@ impl CameraPaths {
                 }
                 self.add_hit(
                     states.path[lane],
-                    states.depth[lane],
+                    states.history[lane],
                     states.weight.get(lane) * emission,
                 );
             }
         }
     }
 
-    /// Returns true if light sources that paths of this depth hit contribute. Those that meters see straight are
+    /// Returns true if light sources that paths of this history hit contribute. Those that meters see straight are
     /// connected. Without MIS, connections and photons contribute those that are hit after the first diffuse vertex.
-    fn counts_hit(&self, pass: &CameraPass, depth: Depth) -> bool {
-        let is_connected = depth.is_start() && pass.scene.measures_irradiance();
-        (depth.diffuse() == 0 || self.mis.is_some()) && !is_connected
+    fn counts_hit(&self, pass: &CameraPass, history: History) -> bool {
+        let is_connected = history.is_start() && pass.scene.measures_irradiance();
+        (history.diffuse() == 0 || self.mis.is_some()) && !is_connected
     }
 
-    /// Adds the light source that a path of this depth hits.
-    fn add_hit(&mut self, path: u32, depth: Depth, seen: Rgb) {
+    /// Adds the light source that a path of this history hits.
+    fn add_hit(&mut self, path: u32, history: History, seen: Rgb) {
         // theory.md (42), first and second line
         self.direct[path as usize] += seen;
         if self.records_aovs {
-            self.record_hit(path, depth, seen);
+            self.record_hit(path, history, seen);
         }
     }
 

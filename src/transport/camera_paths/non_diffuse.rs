@@ -26,13 +26,13 @@ impl CameraPaths {
     pub(super) fn add_environment(&mut self, pass: &CameraPass, states: &PathStates, missed: u32) {
         let lights = pass.scene.lights();
         for lane in lanes_of(missed) {
-            let (path, depth) = (states.path[lane], states.depth[lane]);
-            if !self.counts_hit(pass, depth) {
+            let (path, history) = (states.path[lane], states.history[lane]);
+            if !self.counts_hit(pass, history) {
                 continue;
             }
             let direction = states.direction.get(lane);
-            let radiance = self.environment_hit(lights, path, depth.diffuse(), direction);
-            self.add_hit(path, depth, states.weight.get(lane) * radiance);
+            let radiance = self.environment_hit(lights, path, history.diffuse(), direction);
+            self.add_hit(path, history, states.weight.get(lane) * radiance);
         }
     }
 
@@ -43,17 +43,17 @@ impl CameraPaths {
         surface: &Surface,
         mut state: PathState,
     ) -> Option<(Ray, PathState)> {
-        let diffuse = state.depth.diffuse();
-        if self.counts_hit(pass, state.depth) {
+        let diffuse = state.history.diffuse();
+        if self.counts_hit(pass, state.history) {
             let mut emission = surface.emission();
             if emission != Rgb::ZERO {
                 let segment = [surface.position, -surface.wo];
                 emission *=
                     self.emission_weight(pass.scene, state.path, diffuse, surface.facet, segment);
-                self.add_hit(state.path, state.depth, state.weight * emission);
+                self.add_hit(state.path, state.history, state.weight * emission);
             }
         }
-        let vertex = state.depth.diffuse() + 1;
+        let vertex = state.history.diffuse() + 1;
         let at = surface.vertex(Transport::Radiance);
         if self.records_aovs {
             self.record_other(pass, surface, &state, at.normal);
@@ -67,17 +67,17 @@ impl CameraPaths {
             return None;
         }
         self.update_partial(&PathVertex { surface, at: &at, state: &state }, &sample);
-        if self.records_aovs && sample.lobe == Lobe::Rough && state.depth.diffuse() == 0 {
+        if self.records_aovs && sample.lobe == Lobe::Rough && state.history.diffuse() == 0 {
             self.record_rough(state.path);
         }
         // theory.md (41)
         state.weight *= sample.weight;
-        state.depth = state.depth.leaving(pass.scene, surface, sample.wi);
+        state.history = state.history.leaving(pass.scene, surface, sample.wi);
         if sample.lobe.passes_through() {
             let ray = Ray::new(surface.start(sample.wi), sample.wi);
             return survives_passing(&mut state).then_some((ray, state));
         }
-        state.depth = state.depth.scattered();
+        state.history = state.history.scattered();
         if vertex > 1 && self.mis.is_some() {
             let survival = survival(sample.weight);
             if state.rng.next_1d() >= survival {
@@ -104,7 +104,7 @@ impl CameraPaths {
             let vertex = PathVertex { surface, at: &at, state };
             self.connect_lobe(pass.scene, &vertex, Lobe::Diffuse, light);
         }
-        if bsdf.has_rough() && (state.depth.diffuse() == 0 || self.mis.is_some()) {
+        if bsdf.has_rough() && (state.history.diffuse() == 0 || self.mis.is_some()) {
             // Delta lights cannot be hit. With MIS, connections share the other lights with hits. Without, photons
             // contribute these paths after a diffuse vertex.
             let light = if self.mis.is_some() {
@@ -115,7 +115,7 @@ impl CameraPaths {
             let vertex = PathVertex { surface, at: &at, state };
             self.connect_lobe(pass.scene, &vertex, Lobe::Rough, light);
         }
-        if merges && pass.gathers_at(state.depth.diffuse() + 1) {
+        if merges && pass.gathers_at(state.history.diffuse() + 1) {
             self.views.push(GatherView { bsdf: *bsdf, at, interpolated: surface.interpolated });
             let view = self.views.len() as u32 - 1;
             self.gather(surface, state, view);
@@ -143,9 +143,9 @@ impl CameraPaths {
                 contribution *= self.connection_weight(scene.lights(), vertex, lobe, &light);
             }
             let start = surface.start(light.wi);
-            let is_caustic = lobe == Lobe::Rough && state.depth.diffuse() == 1;
+            let is_caustic = lobe == Lobe::Rough && state.history.diffuse() == 1;
             let mark = if is_caustic { Connections::CAUSTIC } else { 0 };
-            let media = state.depth.leaving(scene, surface, light.wi).media();
+            let media = state.history.leaving(scene, surface, light.wi).media();
             let path = Connections::path_in(state.path, media) | mark;
             self.queue_shadow_ray(path, contribution, light.target, start);
         }
@@ -154,8 +154,8 @@ impl CameraPaths {
     /// Stores a gather point with the BSDF in one of `views`.
     fn gather(&mut self, surface: &Surface, state: &PathState, view: u32) {
         let Surface { position, facet, normal, .. } = *surface;
-        let PathState { path, weight, depth, .. } = *state;
-        let (vertex, wavelength) = (depth.diffuse() + 1, depth.wavelength());
+        let PathState { path, weight, history, .. } = *state;
+        let (vertex, wavelength) = (history.diffuse() + 1, history.wavelength());
         self.gather_points.push(&GatherPoint {
             position,
             path,
@@ -198,12 +198,12 @@ const LONG_CHAIN_END: f32 = 0.1;
 
 /// Plays roulette where a path passes through a vertex, and returns whether it survives.
 fn survives_passing(state: &mut PathState) -> bool {
-    state.depth = state.depth.passed_through();
+    state.history = state.history.passed_through();
     // Channels of a path with a wavelength may be negative.
     let share = state.weight.abs().max_element() * state.inverse_start;
     // theory.md (44)
     let mut survival = (share / WEIGHT_FLOOR).min(1.0);
-    if state.depth.passed() >= LONG_CHAIN {
+    if state.history.passed() >= LONG_CHAIN {
         survival = survival.min(1.0 - LONG_CHAIN_END);
     }
     if survival < 1.0 {

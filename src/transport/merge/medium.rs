@@ -97,9 +97,8 @@ impl MediumMerge<'_> {
             let class = photon.class();
             let of = class as usize;
             let is_merged = is_last || class == PhotonClass::Caustic;
-            let is_inside = distance2 <= radius2[of]
-                && photon.media() == point.within
-                && point.room.contains(photon.position - point.position);
+            let is_inside =
+                distance2 <= radius2[of] && point.room.contains(photon.position - point.position);
             if !(is_merged && is_inside) {
                 return;
             }

@@ -408,7 +408,7 @@ impl<'a> Merge<'a> {
         for lane in (0..LANES).filter(|&lane| packet.gathers[lane] & lit[lane]) {
             let (path, weight) = (packet.path[lane] as usize, weights.get(lane));
             to.sums[path] += contributions.get(lane);
-            if self.options.records_caustics && packet.depth[lane].diffuse() == 1 {
+            if self.options.records_caustics && packet.history[lane].diffuse() == 1 {
                 let class = PhotonClass::Caustic as usize;
                 let caustic = flux[class].get(lane);
                 if caustic != Rgb::ZERO {

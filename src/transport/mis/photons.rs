@@ -8,7 +8,7 @@ use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::{Emissions, Lights, Receiver, Surface};
 use crate::simd::{LANES, Mask};
 use crate::transport::light_paths::class_of;
-use crate::transport::path_state::{Depth, PathState, PathStates};
+use crate::transport::path_state::{History, PathState, PathStates};
 use crate::transport::photon::PhotonClass;
 use glam::Vec3;
 use std::ops::Range;
@@ -84,24 +84,24 @@ impl LightPartials {
     #[inline(never)]
     pub(in crate::transport) fn store_diffuse(&mut self, stored: &Mask, states: &PathStates) {
         for lane in (0..LANES).filter(|&lane| stored[lane]) {
-            self.push(states.path[lane], states.depth[lane]);
+            self.push(states.path[lane], states.history[lane]);
         }
     }
 
     /// Adds the partial of a photon.
     pub(in crate::transport) fn store(&mut self, state: &PathState) {
         if self.mis.is_some() {
-            self.push(state.path, state.depth);
+            self.push(state.path, state.history);
         }
     }
 
-    fn push(&mut self, path: u32, depth: Depth) {
+    fn push(&mut self, path: u32, history: History) {
         let Some(mis) = self.mis else { return };
         let partial = &self.paths[(path - self.first) as usize].partial;
-        self.photons.push(if depth.is_start() {
+        self.photons.push(if history.is_start() {
             mis.balance.straight_photon(partial)
         } else {
-            mis.balance.photon(partial, class_of(depth))
+            mis.balance.photon(partial, class_of(history))
         });
     }
 
@@ -118,17 +118,17 @@ impl LightPartials {
         let survival = mis.camera_survival(2);
         for lane in (0..LANES).filter(|&lane| goes_on[lane]) {
             let path = &mut self.paths[(states.path[lane] - self.first) as usize];
-            let depth = states.depth[lane];
+            let history = states.history[lane];
             let albedo = at.albedo.get(lane).max_element();
             let segment = FirstSegment {
                 ray: [states.origin.get(lane), states.direction.get(lane)],
                 vertex: [at.position.get(lane), at.normal.get(lane)],
             };
             let techniques = StraightDensities {
-                connection: mis.connection(lights, path.emitter, depth, &segment),
+                connection: mis.connection(lights, path.emitter, history, &segment),
                 camera: survival.lambertian(albedo),
             };
-            let merges = mis.merges(depth);
+            let merges = mis.merges(history);
             let light = Survival::LIGHT.lambertian(albedo);
             path.partial = mis.balance.scatter(&path.partial, techniques, merges, light);
         }
@@ -149,7 +149,7 @@ impl LightPartials {
         let directions = Directions { camera: sample.wi, light: surface.wo };
         let segment =
             FirstSegment { ray: [origin, -surface.wo], vertex: [surface.position, surface.normal] };
-        let is_first_rough = state.depth.is_start() && sample.lobe == Lobe::Rough;
+        let is_first_rough = state.history.is_start() && sample.lobe == Lobe::Rough;
         if sample.lobe.passes_through() && !is_first_rough {
             let ratio = directions.light_over_camera(surface, sample.lobe, mis.pass_choice(1));
             path.partial = path.partial.pass(ratio);
@@ -164,12 +164,12 @@ impl LightPartials {
             (techniques, None, directions.light_rough(surface))
         } else {
             let techniques = StraightDensities {
-                connection: mis.connection(lights, path.emitter, state.depth, &segment),
+                connection: mis.connection(lights, path.emitter, state.history, &segment),
                 camera: directions.camera_diffuse(surface, mis.camera_survival(2)),
             };
             let at = surface.vertex(Transport::Flux);
             let light = Survival::LIGHT.density(&surface.bsdf, &at, sample.wi);
-            (techniques, mis.merges(state.depth), light)
+            (techniques, mis.merges(state.history), light)
         };
         path.partial = mis.balance.scatter(&path.partial, techniques, merges, light);
     }
@@ -177,23 +177,23 @@ impl LightPartials {
 
 impl Mis {
     /// Density of connections over the density of emission where a light path arrives at a diffuse vertex with this
-    /// depth; 0 unless it arrives straight from its light source and is connected from there.
+    /// history; 0 unless it arrives straight from its light source and is connected from there.
     fn connection(
         &self,
         lights: &Lights,
         emitter: u32,
-        depth: Depth,
+        history: History,
         segment: &FirstSegment,
     ) -> f32 {
-        if !depth.is_start() || !self.connects {
+        if !history.is_start() || !self.connects {
             return 0.0;
         }
         let [position, normal] = segment.vertex;
         segment.connection(lights, emitter, Receiver { position, normal: Some(normal) })
     }
 
-    /// Class of the photon of a light path that arrives with this depth, if it is merged at second vertices.
-    fn merges(&self, depth: Depth) -> Option<PhotonClass> {
-        (!depth.is_start()).then(|| class_of(depth))
+    /// Class of the photon of a light path that arrives with this history, if it is merged at second vertices.
+    fn merges(&self, history: History) -> Option<PhotonClass> {
+        (!history.is_start()).then(|| class_of(history))
     }
 }

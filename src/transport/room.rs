@@ -7,7 +7,7 @@
 use crate::accel::{Coherence, HitPacket, Intersect, Ray, RayPacket};
 use crate::scene::Scene;
 use glam::{Vec3, Vec4};
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::TAU;
 use std::sync::LazyLock;
 
 /// Maximum number of planes that cut a ball: the nearest ones.
@@ -118,11 +118,6 @@ impl Room {
 fn cap(distance: f32) -> f32 {
     let height = 1.0 - distance.clamp(0.0, 1.0);
     height * height * (3.0 - height) / 4.0
-}
-
-/// Volume of a ball.
-pub(crate) fn ball_volume(radius: f32) -> f32 {
-    4.0 / 3.0 * PI * radius.powi(3)
 }
 
 #[cfg(test)]
