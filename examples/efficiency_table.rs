@@ -73,6 +73,7 @@ fn main() -> Result<()> {
                     direct: Direct::Connect,
                     kernel,
                     splitting: 1,
+                    medium_query: None,
                 };
                 let place = Place { technique, radius, caustic_radius: caustics * radius };
                 let mut runs = Vec::new();

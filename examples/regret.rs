@@ -60,7 +60,14 @@ struct Run {
 fn places(subject: &Subject) -> Vec<Place> {
     let Settings { radius, .. } = subject.settings;
     let place = |(strategy, merge_vertex, direct), kernel, factor, caustics| Place {
-        technique: Technique { strategy, merge_vertex, direct, kernel, splitting: 1 },
+        technique: Technique {
+            strategy,
+            merge_vertex,
+            direct,
+            kernel,
+            splitting: 1,
+            medium_query: None,
+        },
         radius: factor * radius,
         caustic_radius: caustics * factor * radius,
     };
@@ -132,8 +139,8 @@ fn compare(
         let area = |strategy, vertex, direct| {
             least(&move |place: &Place| {
                 let kernel = Kernel::Area;
-                let Technique { splitting, .. } = place.technique;
-                let own = Technique { strategy, merge_vertex: vertex, direct, kernel, splitting };
+                let own =
+                    Technique { strategy, merge_vertex: vertex, direct, kernel, ..place.technique };
                 place.technique == own
             })
         };

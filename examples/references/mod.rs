@@ -153,7 +153,7 @@ impl Subject {
     /// Settings of the scene with a technique at its radii.
     pub fn settings(&self, place: &Place, seed: u64) -> Settings {
         let Place { technique, radius, caustic_radius } = *place;
-        let Technique { strategy, merge_vertex, direct, kernel, splitting } = technique;
+        let Technique { strategy, merge_vertex, direct, kernel, splitting, .. } = technique;
         let own = self.settings.clone();
         Settings {
             strategy,

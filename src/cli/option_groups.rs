@@ -49,6 +49,7 @@ const GROUPS: &[Group] = &[
             "radius",
             "caustic_radius",
             "medium_scale",
+            "medium_query",
             "kernel",
             "bias",
             "direct",

@@ -274,6 +274,9 @@ fn technique(chosen: &Selection) -> String {
     );
     if best.technique.strategy.has_photons() {
         text += &format!(", radius {:.4}, {:.4} for caustics", best.radius, best.caustic_radius);
+        if best.technique.medium_query.is_some() {
+            text += &format!(", {:.2} times as much in media", best.medium_scale);
+        }
         if let Some(guided) = &chosen.guide {
             text += &format!("; {}", guided.describe());
         }

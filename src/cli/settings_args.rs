@@ -1,7 +1,7 @@
 //! Command line options for the settings of an image, and words for the library's enumerations.
 
 use bdpm::scene::backend::Backend;
-use bdpm::settings::{Bias, Direct, Kernel, Length, PartialSettings, Strategy};
+use bdpm::settings::{Bias, Direct, Kernel, Length, MediumQuery, PartialSettings, Strategy};
 use clap::Arg;
 use clap::builder::{PossibleValue, PossibleValuesParser, StyledStr, TypedValueParser};
 use serde::de::DeserializeOwned;
@@ -28,6 +28,9 @@ pub struct SettingsArgs {
     /// Merge photons in media within F times the radii at surfaces [default: 2]
     #[arg(long, value_name = "F")]
     pub medium_scale: Option<f64>,
+    /// Merge photons in media around points, or along segments of camera paths [default: beams]
+    #[arg(long, value_parser = word::<MediumQuery>(MEDIUM_QUERY))]
+    pub medium_query: Option<MediumQuery>,
     /// Keep or reduce the merge bias [default: reduce if radii are chosen, else keep]
     #[arg(long, value_parser = word::<Bias>(BIAS))]
     pub bias: Option<Bias>,
@@ -66,6 +69,8 @@ const CHOSEN: &[&str] = &[
     "camera_paths",
     "radius",
     "caustic_radius",
+    "medium_scale",
+    "medium_query",
     "bias",
     "kernel",
     "merge_vertex",
@@ -95,6 +100,7 @@ impl From<&SettingsArgs> for PartialSettings {
             radius: args.radius,
             caustic_radius: args.caustic_radius,
             medium_scale: args.medium_scale,
+            medium_query: args.medium_query,
             bias: args.bias,
             kernel: args.kernel,
             merge_vertex: args.merge_vertex,
@@ -119,6 +125,10 @@ const BIAS: Words = &[
 const KERNEL: Words = &[
     ("area", "Lit surface area within the radius: no bias at edges"),
     ("disc", "Disc of the merge radius, as in the paper"),
+];
+const MEDIUM_QUERY: Words = &[
+    ("points", "In balls around points: for dense media"),
+    ("beams", "In cylinders around segments: for thin media"),
 ];
 const STRATEGY: Words = &[
     ("single", "Merge at the merge vertex, or connect"),
@@ -192,6 +202,7 @@ mod tests {
         }
         check::<Bias>(BIAS);
         check::<Kernel>(KERNEL);
+        check::<MediumQuery>(MEDIUM_QUERY);
         check::<Strategy>(STRATEGY);
         check::<Direct>(DIRECT);
         check::<Objective>(OBJECTIVE);

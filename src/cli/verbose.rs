@@ -95,6 +95,8 @@ fn is_chosen(open: Option<FreeParameters>, name: &str) -> bool {
         "kernel" => open.kernel,
         "radius" => open.radius,
         "caustic_radius" => open.caustic_radius,
+        "medium_query" => open.medium_query,
+        "medium_scale" => open.medium_scale,
         "guide" => open.guide,
         "sobol_set" => open.sobol_set,
         "splitting" => open.splitting,

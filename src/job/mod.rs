@@ -382,6 +382,8 @@ impl RenderJob {
             kernel: any && fixed.kernel.is_none(),
             radius,
             caustic_radius,
+            medium_query: any && fixed.medium_query.is_none(),
+            medium_scale: any && fixed.medium_scale.is_none(),
             guide: any && fixed.guide.is_none(),
             sobol_set: any && fixed.sobol_set.is_none(),
             splitting: any && fixed.splitting.is_none(),

@@ -24,7 +24,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
 
 /// Version of the payload's layout. Increase it with every change.
-const FORMAT: u32 = 15;
+const FORMAT: u32 = 16;
 
 /// Bytes before the payload.
 const HEADER: usize = MAGIC.len() + size_of::<u32>();
@@ -237,7 +237,7 @@ mod tests {
     use crate::film::statistic::{CurrentIteration, PixelStatistic, StatisticTile};
     use crate::noise::film::{BatchGrain, NoiseFilm, PixelMeasurement};
     use crate::render::RenderConfig;
-    use crate::settings::{Direct, Kernel, Settings, Strategy};
+    use crate::settings::{Direct, Kernel, MediumQuery, Settings, Strategy};
     use crate::timing::TimeModel;
     use glam::DVec3;
     use std::fs;
@@ -264,6 +264,7 @@ mod tests {
             radius: 0.1,
             caustic_radius: 0.1,
             medium_scale: 4.0,
+            medium_query: MediumQuery::Points,
             kernel: Kernel::Area,
             merge_vertex: 2,
             strategy: Strategy::Single,

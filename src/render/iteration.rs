@@ -1,15 +1,16 @@
 //! One iteration: light phase, photon map, camera phase and merge.
 
-use super::Renderer;
 use super::report::IterationReport;
 use super::tiles::TileBatches;
 use super::worker::Job;
+use super::{NestedPart, Renderer};
 use crate::base::rng::{Stream, StreamKey};
 use crate::film::statistic::CurrentIteration;
 use crate::noise::Measure;
 use crate::settings::Bias;
 use crate::transport::camera_paths::CameraPass;
-use crate::transport::kernel::{MediumKernel, MergeKernel};
+use crate::transport::kernel::MergeKernel;
+use crate::transport::medium_kernel::MediumKernel;
 use crate::transport::merge::{Merge, MergeOptions};
 use crate::transport::mis::Mis;
 use rayon::prelude::*;
@@ -40,9 +41,10 @@ impl Renderer {
 
         // Build the photon map
         let mut build_time = self.photon_map.build(&self.light_paths, self.kernel().reach());
-        if self.scene.media().is_some() {
-            let reach = self.medium_kernel().reach();
-            build_time += self.medium_map.build_in_media(&self.light_paths, reach);
+        if let Some(clearance) = &self.clearance {
+            let scene = (&*self.scene, &*self.accel, &**clearance);
+            let kernel = self.medium_kernel();
+            build_time += self.medium_photons.build(&self.light_paths, &kernel, scene);
         }
 
         // Camera phase and merge: each thread traces and merges the camera paths of some tiles
@@ -68,16 +70,24 @@ impl Renderer {
 
     fn kernel(&self) -> MergeKernel<'_> {
         let kernel = MergeKernel::new(&self.settings, self.areas.as_deref());
-        self.config.nested_class.map_or(kernel, |class| kernel.with_nested_class(class))
+        match self.config.nested_part {
+            None => kernel,
+            Some(NestedPart::Class(class)) => kernel.with_nested_class(class),
+            Some(NestedPart::Media) => kernel.without_nested_radii(),
+        }
     }
 
     fn medium_kernel(&self) -> MediumKernel {
-        self.kernel().in_media(self.settings.medium_scale as f32)
+        let at_surfaces = match self.config.nested_part {
+            Some(NestedPart::Media) => MergeKernel::new(&self.settings, self.areas.as_deref()),
+            _ => self.kernel(),
+        };
+        MediumKernel::new(&at_surfaces, &self.settings)
     }
 
     /// Camera pass of an iteration whose photons are in the map, and the merge with them.
     pub(super) fn passes(&self, iteration: u64) -> (CameraPass<'_>, Merge<'_>) {
-        let Self { scene, accel, settings, view, photon_map, medium_map, .. } = self;
+        let Self { scene, accel, settings, view, photon_map, medium_photons, .. } = self;
         let mis = Mis::new(settings);
         let pass = CameraPass {
             scene,
@@ -86,6 +96,7 @@ impl Renderer {
             settings,
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
             gather_early: mis.is_some() || self.found_caustic_photons(),
+            clearance: self.clearance.as_deref(),
         };
         let options = MergeOptions {
             mis,
@@ -93,6 +104,6 @@ impl Renderer {
             records_annulus: settings.bias == Bias::Reduce,
         };
         let merge = Merge::new(photon_map, settings.merge_vertex, self.kernel(), options);
-        (pass, merge.with_medium(medium_map, self.medium_kernel()))
+        (pass, merge.with_medium(medium_photons, self.medium_kernel()))
     }
 }

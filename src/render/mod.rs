@@ -35,7 +35,11 @@ use crate::scene::lights::guide::Guide;
 use crate::scene::{Media, Scene, View};
 use crate::settings::{Kernel, MAX_LIGHT_PATHS, Settings, Strategy};
 use crate::transport::area::Areas;
+use crate::transport::clearance::Clearance;
+use crate::transport::kernel::MergeKernel;
 use crate::transport::light_paths::LightPaths;
+use crate::transport::medium_kernel::MediumKernel;
+use crate::transport::medium_photons::MediumPhotons;
 use crate::transport::mis::Mis;
 use crate::transport::photon::PhotonClass;
 use crate::transport::photon_map::PhotonMap;
@@ -61,6 +65,15 @@ pub fn max_blocks(settings: &Settings) -> usize {
     }
 }
 
+/// A part of the merges, whose bias is measured alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum NestedPart {
+    /// Photons of a class. The radii of both classes must differ.
+    Class(PhotonClass),
+    /// Photons in media.
+    Media,
+}
+
 /// Statistics that are kept beside the image, and other choices that do not change the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RenderConfig {
@@ -68,9 +81,9 @@ pub struct RenderConfig {
     pub aovs: AovSelection,
     /// Resolution of the batches of measured iterations.
     pub grain: BatchGrain,
-    /// If set, measured iterations merge at nested radii for this photon class only, and the nested
-    /// differences estimate the bias of that class. The radii of both classes must differ.
-    pub nested_class: Option<PhotonClass>,
+    /// If set, measured iterations merge at nested radii for this part of the merges only, and the nested differences
+    /// estimate the bias of that part.
+    pub nested_part: Option<NestedPart>,
     /// Number of processes that render the image together. Reported times are divided by it.
     pub ranks: u32,
 }
@@ -78,7 +91,7 @@ pub struct RenderConfig {
 impl Default for RenderConfig {
     fn default() -> Self {
         let (aovs, grain) = (AovSelection::default(), BatchGrain::default());
-        Self { aovs, grain, nested_class: None, ranks: 1 }
+        Self { aovs, grain, nested_part: None, ranks: 1 }
     }
 }
 
@@ -111,8 +124,9 @@ pub struct Renderer {
     areas: Option<Arc<Areas>>,
     light_paths: LightPaths,
     photon_map: PhotonMap,
-    /// Photons in media.
-    medium_map: PhotonMap,
+    medium_photons: MediumPhotons,
+    /// Where surfaces are near, in scenes with media.
+    clearance: Option<Arc<Clearance>>,
     workers: Pool<Worker>,
 }
 
@@ -179,6 +193,11 @@ impl Renderer {
         let areas = areas(&settings);
         let mut light_paths = LightPaths::default();
         light_paths.areas = areas.clone();
+        let clearance = scene.media().is_some_and(Media::any_scatters).then(|| {
+            let radii = MergeKernel::discs([settings.caustic_radius, settings.radius]);
+            let kernel = MediumKernel::new(&radii, &settings);
+            Arc::new(Clearance::of_scene(scene, kernel.room_radius()))
+        });
         Ok(Self {
             scene: Arc::clone(scene),
             accel: Arc::clone(accel),
@@ -191,7 +210,8 @@ impl Renderer {
             light_paths,
             areas,
             photon_map: PhotonMap::default(),
-            medium_map: PhotonMap::default(),
+            medium_photons: MediumPhotons::default(),
+            clearance,
             workers: Pool::default(),
         })
     }
@@ -358,7 +378,7 @@ impl Renderer {
 
     /// Whether the last iteration stored photons of [`PhotonClass::Caustic`].
     pub fn found_caustic_photons(&self) -> bool {
-        self.photon_map.has_caustic_photons() || self.medium_map.has_caustic_photons()
+        self.photon_map.has_caustic_photons() || self.medium_photons.has_caustic_photons()
     }
 
     /// All blocks, in the order of their first iterations.

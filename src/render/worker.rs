@@ -222,9 +222,8 @@ pub(super) fn trace(
         paths.clear();
         while !ids.is_done() {
             paths.trace(&job.pass, ids.by_ref().take(CameraPaths::BATCH));
-            if paths.direct.len().max(paths.gather_points.lanes()).max(paths.medium_points.len())
-                >= job.batch_size
-            {
+            let in_media = paths.medium_points.len().max(paths.beams.len());
+            if paths.direct.len().max(paths.gather_points.lanes()).max(in_media) >= job.batch_size {
                 break;
             }
         }

@@ -161,10 +161,21 @@ impl Media {
         &self.media
     }
 
+    /// Returns true if a medium scatters light.
+    pub fn any_scatters(&self) -> bool {
+        self.media.iter().any(|medium| medium.scatters())
+    }
+
+    /// Largest extinction coefficient of the media that scatter, of any color, 1/scene unit; 0 without such media.
+    pub fn largest_extinction(&self) -> f32 {
+        let scattering = self.media.iter().filter(|medium| medium.scatters());
+        scattering.map(|medium| medium.extinction().max_element()).fold(0.0, f32::max)
+    }
+
     /// Returns true if the weights of merges among several techniques (`mis`, `cut-mis`) hold: they know neither
     /// vertices in media, nor light paths that start anew behind a boundary.
     pub fn allows_weighted_merges(&self) -> bool {
-        !self.media.iter().any(|medium| medium.scatters()) && !self.has_index_matched()
+        !self.any_scatters() && !self.has_index_matched()
     }
 
     /// The medium that fills the space in a state; `None` for empty space.

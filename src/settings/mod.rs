@@ -63,6 +63,17 @@ pub enum Kernel {
     Area,
 }
 
+/// Where camera paths merge photons in media that scatter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MediumQuery {
+    /// In balls around the vertices of camera paths: theory.md (37i).
+    Points,
+    /// In cylinders around all of their segments (the beam radiance estimate): theory.md (37m).
+    #[default]
+    Beams,
+}
+
 /// Treatment of the merge bias, which radii above zero cause.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

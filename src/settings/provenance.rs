@@ -147,7 +147,7 @@ impl Provenance {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{Direct, Kernel, Strategy};
+    use crate::settings::{Direct, Kernel, MediumQuery, Strategy};
 
     fn origin() -> Provenance {
         let settings = Settings {
@@ -159,6 +159,7 @@ mod tests {
             radius: 0.1,
             caustic_radius: 0.1,
             medium_scale: 4.0,
+            medium_query: MediumQuery::Points,
             kernel: Kernel::Area,
             merge_vertex: 2,
             strategy: Strategy::Single,

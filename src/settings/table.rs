@@ -6,7 +6,7 @@ use super::checks::{
     check_splitting, check_strategy, check_unweighted, check_whole_sets, checked,
 };
 use super::fixed_array::FixedArray;
-use super::{Bias, Crop, Direct, Kernel, Length, MisScales, Strategy};
+use super::{Bias, Crop, Direct, Kernel, Length, MediumQuery, MisScales, Strategy};
 use super::{MAX_LIGHT_PATHS, crop};
 use crate::base::error::Result;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -36,7 +36,7 @@ macro_rules! plain {
     )+};
 }
 
-plain!(u32, u64, f64, Bias, Direct, Kernel, Strategy);
+plain!(u32, u64, f64, Bias, Direct, Kernel, MediumQuery, Strategy);
 
 impl Setting for f32 {
     type Input = Length;
@@ -185,6 +185,9 @@ settings! {
     /// Radii of merges in media over those at surfaces.
     #[serde(deserialize_with = "read::medium_scale")]
     medium_scale: f64 as f64 = 2.0, check_medium_scale;
+
+    /// Where photons in media are merged: around points of camera paths, or along their segments.
+    medium_query: MediumQuery as MediumQuery = MediumQuery::default(), any;
 
     /// Treatment of the merge bias.
     bias: Bias as Bias = Bias::default(), any;
@@ -351,6 +354,7 @@ mod tests {
             radius: 0.5,
             caustic_radius: 0.125,
             medium_scale: 2.0,
+            medium_query: MediumQuery::Beams,
             bias: Bias::Keep,
             kernel: Kernel::Area,
             merge_vertex: 2,
@@ -383,6 +387,7 @@ mod tests {
             radius: Some(Length::Units(11.0)),
             caustic_radius: Some(Length::Share(0.25)),
             medium_scale: Some(3.0),
+            medium_query: Some(MediumQuery::Points),
             bias: Some(Bias::Reduce),
             kernel: Some(Kernel::Disc),
             merge_vertex: Some(12),

@@ -22,6 +22,14 @@ pub(super) struct MediumVertex<'a> {
     pub weight: Rgb,
 }
 
+impl<'a> MediumVertex<'a> {
+    /// The vertex at a distance along a ray.
+    pub fn on(ray: &Ray, medium: &'a Medium, distance: f32, weight: Rgb) -> Self {
+        let (position, direction) = (ray.origin + distance * ray.direction, ray.direction);
+        Self { medium, distance, position, direction, weight }
+    }
+}
+
 /// Where a path is when it meets no surface that scatters.
 pub(super) enum Passed<'a> {
     /// It goes on beyond a boundary of media.
@@ -46,18 +54,22 @@ pub(super) fn travel<'a>(
         match medium.travel(hit.t, state.weight, &mut state.rng) {
             Flight::Arrives { weight } => state.weight *= weight,
             Flight::Scatters { distance, weight } => {
-                let position = ray.origin + distance * ray.direction;
-                let direction = ray.direction;
-                return Some(Passed::Scattered(MediumVertex {
-                    medium,
-                    distance,
-                    position,
-                    direction,
-                    weight,
-                }));
+                return Some(Passed::Scattered(MediumVertex::on(ray, medium, distance, weight)));
             }
         }
     }
+    cross(scene, media, ray, hit, state)
+}
+
+/// Takes a path that has reached the end of a segment through a boundary of media, if it ends at one.
+pub(super) fn cross<'a>(
+    scene: &Scene,
+    media: &Media,
+    ray: &Ray,
+    hit: &Hit,
+    state: &mut PathState,
+) -> Option<Passed<'a>> {
+    let within = state.history.media();
     media.is_index_matched(hit.mesh).then(|| {
         let surface = scene.surface(ray, hit);
         state.history = state.history.within(media.cross(within, hit.mesh, surface.front));

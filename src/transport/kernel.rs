@@ -4,8 +4,7 @@ use super::area::{Areas, PointAreas, Query, admission};
 use super::gather::GatherPacket;
 use super::photon::{Photon, PhotonClass, PhotonSide};
 use super::photon_map::MergeQuery;
-use super::room::Room;
-use crate::base::math::{ball_volume, disc_area};
+use crate::base::math::disc_area;
 use crate::scene::diffuse::TriangleSide;
 use crate::settings::{self, Settings};
 use crate::simd::{LANES, Mask, Vec3s};
@@ -92,50 +91,8 @@ pub struct MergeKernel<'a> {
     nests: ByClass<bool>,
 }
 
-/// A ball around points in media, for either class of photons: theory.md (37i).
-#[derive(Clone, Copy, Debug)]
-pub struct MediumKernel {
-    /// Squares of the radii, scene units squared.
-    pub radius2: ByClass<f32>,
-    /// Squares of the nested radii, in the order of theory.md (68).
-    pub nested2: [ByClass<f32>; 2],
-    /// Reciprocals of the volumes, 1/scene units cubed.
-    pub inverse_volume: ByClass<f32>,
-    /// The kernels at the nested radii over the kernels at the radii.
-    pub nested: [ByClass<f32>; 2],
-}
-
-impl MediumKernel {
-    /// Admits caustic photons only.
-    pub(super) fn caustics_only(self) -> Self {
-        let mut radius2 = self.radius2;
-        radius2[DIFFUSE] = -1.0;
-        Self { radius2, ..self }
-    }
-
-    /// The kernel at a point whose surroundings cut the balls.
-    #[must_use]
-    pub(super) fn cut_by(&self, room: &Room) -> Self {
-        let share = |radius2: &ByClass<f32>| radius2.map(|radius2| room.share(radius2.sqrt()));
-        let whole = share(&self.radius2);
-        let inner = [share(&self.nested2[0]), share(&self.nested2[1])];
-        Self {
-            inverse_volume: from_fn(|class| self.inverse_volume[class] / whole[class]),
-            nested: from_fn(|at| {
-                from_fn(|class| self.nested[at][class] * whole[class] / inner[at][class])
-            }),
-            ..*self
-        }
-    }
-
-    /// The larger radius, scene units.
-    pub fn reach(&self) -> f32 {
-        self.radius2[CAUSTIC].max(self.radius2[DIFFUSE]).sqrt()
-    }
-}
-
 /// Nested radii over the merge radius.
-const NESTED: [f32; 2] = [FRAC_1_SQRT_2, 0.5];
+pub(super) const NESTED: [f32; 2] = [FRAC_1_SQRT_2, 0.5];
 
 /// Nested radii at which the kernel is computed beside the merge radii.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -192,6 +149,12 @@ impl<'a> MergeKernel<'a> {
         Self { nests, ..self }
     }
 
+    /// The kernel whose nested radii are the radii themselves.
+    #[must_use]
+    pub fn without_nested_radii(self) -> Self {
+        Self { nests: [false; 2], ..self }
+    }
+
     /// The kernel for diffuse photons as the kernel of all: for maps without caustic photons, where it takes one
     /// area less.
     #[must_use]
@@ -214,18 +177,9 @@ impl<'a> MergeKernel<'a> {
         self.radii[CAUSTIC].max(self.radii[DIFFUSE])
     }
 
-    /// The kernel in media, of `scale` times the radii.
-    pub fn in_media(&self, scale: f32) -> MediumKernel {
-        let radii = self.radii.map(|radius| scale * radius);
-        let square = |radii: ByClass<f32>| radii.map(|radius| radius * radius);
-        let nested = NESTED.map(|share| self.nested(share).map(|radius| scale * radius));
-        let cubes = |nested: &ByClass<f32>| from_fn(|class| (radii[class] / nested[class]).powi(3));
-        MediumKernel {
-            radius2: square(radii),
-            nested2: nested.map(square),
-            inverse_volume: radii.map(|radius| ball_volume(radius).recip()),
-            nested: [cubes(&nested[0]), cubes(&nested[1])],
-        }
+    /// The merge radii, scene units.
+    pub(super) fn radii(&self) -> ByClass<f32> {
+        self.radii
     }
 
     /// Decides which photons count.
@@ -251,7 +205,7 @@ impl<'a> MergeKernel<'a> {
 
     /// The nested radii at this share of the merge radii.
     #[inline(always)] // part of vectorized code
-    fn nested(&self, share: f32) -> ByClass<f32> {
+    pub(super) fn nested(&self, share: f32) -> ByClass<f32> {
         from_fn(
             |class| if self.nests[class] { share * self.radii[class] } else { self.radii[class] },
         )

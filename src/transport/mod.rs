@@ -3,17 +3,21 @@
 
 pub mod area;
 pub mod camera_paths;
+pub mod clearance;
 mod path_queue;
 mod free_flight;
 pub mod gather;
 pub mod goniometer;
 pub mod kernel;
 pub mod light_paths;
+pub mod medium_kernel;
+pub mod medium_photons;
 pub mod merge;
 pub mod mis;
 pub mod pair_list;
 pub mod photon;
 pub mod photon_map;
+pub mod photon_tree;
 pub mod reference;
 mod path_state;
 mod room;

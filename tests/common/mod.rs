@@ -25,7 +25,7 @@ use bdpm::film::radiance::luminance;
 use bdpm::noise::Measure;
 use bdpm::scene::bsdf::Bsdf;
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
-use bdpm::settings::{Bias, Direct, Kernel, MisScales, Strategy};
+use bdpm::settings::{Bias, Direct, Kernel, MediumQuery, MisScales, Strategy};
 use bdpm::{Renderer, Scene, Settings};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -160,6 +160,7 @@ pub fn settings(width: u32, height: u32) -> Settings {
         radius: 0.1,
         caustic_radius: 0.1,
         medium_scale: 4.0,
+        medium_query: MediumQuery::Points,
         bias: Bias::Keep,
         kernel: Kernel::Disc,
         merge_vertex: 1,

@@ -105,6 +105,7 @@ fn cornell_box_has_the_dimensions_of_the_paper() {
         radius: Some(Length::Units(4.633_333)),
         caustic_radius: None,
         medium_scale: None,
+        medium_query: None,
         bias: None,
         kernel: None,
         merge_vertex: Some(2),

@@ -4,7 +4,7 @@
 use crate::common::*;
 use bdpm::film::radiance::luminance;
 use bdpm::noise::Measure;
-use bdpm::render::RenderConfig;
+use bdpm::render::{NestedPart, RenderConfig};
 use bdpm::settings::Direct;
 use bdpm::transport::photon::PhotonClass;
 use bdpm::{Renderer, Settings};
@@ -50,7 +50,7 @@ fn nested_radii_of_either_kind_of_photons_add_up() {
     let nested = |class: Option<PhotonClass>| {
         let renderer = Renderer::new(&scene, &accel, own.clone()).unwrap();
         let batches = RenderConfig::with_pixel_batches();
-        let config = RenderConfig { nested_class: class, ..batches };
+        let config = RenderConfig { nested_part: class.map(NestedPart::Class), ..batches };
         let mut renderer = renderer.configure(config).unwrap();
         (0..3).for_each(|_| drop(renderer.iterate(Measure::Pairs)));
         let noise = renderer.block().noise_image().unwrap();

@@ -17,7 +17,7 @@ use std::sync::Arc;
 const CONFIG: RenderConfig = RenderConfig {
     aovs: AovSelection { light: true, features: true, folds: true },
     grain: BatchGrain::Tile,
-    nested_class: None,
+    nested_part: None,
     ranks: 1,
 };
 

@@ -38,6 +38,8 @@ pub struct CandidateCost {
     pub corrects_bias: bool,
     /// Merge radii of the settings, scene units.
     pub requested: ByClass<f32>,
+    /// Merge radii in media over those at surfaces, of the settings.
+    pub medium_scale: f64,
 }
 
 /// Merge bias of a class of photons at one radius, and the noise that correcting it would add.
@@ -58,6 +60,8 @@ pub struct MergeBias {
 pub struct Best {
     /// Merge radii, scene units.
     pub radii: ByClass<f64>,
+    /// Merge radii in media over those at surfaces.
+    pub medium_scale: f64,
     light_paths: f64,
     camera_paths: u32,
     seconds: f64,
@@ -128,6 +132,7 @@ impl CandidateCost {
             };
             let own = Best {
                 radii,
+                medium_scale: self.medium_scale,
                 light_paths,
                 camera_paths,
                 seconds,
@@ -212,10 +217,12 @@ impl Best {
     pub fn scored(&self, technique: Technique) -> Candidate {
         let Self { radii, camera_paths, seconds, noise2, bias2, bias2_error, times, tried, .. } =
             *self;
+        let medium_scale = self.medium_scale;
         Candidate {
             technique,
             radius: radii[LAST] as f32,
             caustic_radius: radii[EVERY] as f32,
+            medium_scale,
             light_paths: self.light_paths.round() as u32,
             camera_paths,
             seconds,
@@ -259,6 +266,7 @@ pub mod tests {
             open: FreeParameters::ALL,
             corrects_bias: false,
             requested: [1.0; 2],
+            medium_scale: 2.0,
         }
     }
 

@@ -9,6 +9,7 @@
 
 mod bias;
 mod candidate_cost;
+mod medium_scale;
 mod model;
 mod pilot;
 mod revision;
@@ -19,7 +20,7 @@ pub use revision::{Revised, Revision, TimeShare};
 use crate::base::error::Result;
 use crate::film::cells::CellGrid;
 use crate::render::Renderer;
-use crate::settings::{Bias, Direct, Kernel, MIN_SETS, Settings, Strategy};
+use crate::settings::{Bias, Direct, Kernel, MIN_SETS, MediumQuery, Settings, Strategy};
 use crate::simd::sobol::MAX_POINTS;
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
@@ -64,6 +65,8 @@ pub struct Technique {
     pub kernel: Kernel,
     /// Factor on the continuations of light paths at their first diffuse vertex.
     pub splitting: u32,
+    /// Where photons in media that scatter are merged; `None` without such media or photons.
+    pub medium_query: Option<MediumQuery>,
 }
 
 /// Settings that the pilot may choose.
@@ -79,6 +82,10 @@ pub struct FreeParameters {
     pub radius: bool,
     /// The radius for photons without a diffuse bounce.
     pub caustic_radius: bool,
+    /// Where photons in media are merged.
+    pub medium_query: bool,
+    /// The radii in media.
+    pub medium_scale: bool,
     /// Where light paths start.
     pub guide: bool,
     /// The size of the sets of light paths that start from Sobol points.
@@ -103,6 +110,8 @@ impl FreeParameters {
             kernel: open,
             radius: open,
             caustic_radius: open,
+            medium_query: open,
+            medium_scale: open,
             guide: open,
             sobol_set: open,
             splitting: open,
@@ -113,7 +122,8 @@ impl FreeParameters {
     /// Whether the pilot may choose more than the counts.
     pub fn any(&self) -> bool {
         let Self { strategy, direct, kernel, radius, caustic_radius, guide, .. } = *self;
-        strategy || direct || kernel || radius || caustic_radius || guide
+        let in_media = self.medium_query || self.medium_scale;
+        strategy || direct || kernel || radius || caustic_radius || guide || in_media
     }
 
     fn any_radius(&self) -> bool {
@@ -136,6 +146,8 @@ pub struct Candidate {
     pub radius: f32,
     /// Merge radius for photons without a diffuse bounce, scene units.
     pub caustic_radius: f32,
+    /// Merge radii in media over those at surfaces.
+    pub medium_scale: f64,
     /// Light paths of an iteration, `N_F`.
     pub light_paths: u32,
     /// Camera paths per pixel of an iteration, `N_B`.
@@ -192,7 +204,7 @@ impl Technique {
     /// The technique of some settings.
     pub fn of(settings: &Settings) -> Self {
         let Settings { strategy, merge_vertex, direct, kernel, splitting, .. } = *settings;
-        Self { strategy, merge_vertex, direct, kernel, splitting }
+        Self { strategy, merge_vertex, direct, kernel, splitting, medium_query: None }
     }
 
     /// Describes the technique in words.
@@ -207,15 +219,21 @@ impl Technique {
             Direct::Connect => how,
             Direct::PhotonMap => how + ", direct light from the photon map",
         };
-        match self.kernel {
+        let how = match self.kernel {
             Kernel::Area => how,
             Kernel::Disc => how + ", on discs",
+        };
+        match self.medium_query {
+            None => how,
+            Some(MediumQuery::Points) => how + ", in media around points",
+            Some(MediumQuery::Beams) => how + ", in media along segments",
         }
     }
 
     /// Settings with this technique at some radii.
     fn with(self, settings: &Settings, radii: ByClass<f32>) -> Settings {
-        let Self { strategy, merge_vertex, direct, kernel, splitting } = self;
+        let Self { strategy, merge_vertex, direct, kernel, splitting, medium_query } = self;
+        let medium_query = medium_query.unwrap_or(settings.medium_query);
         let radius = radii[PhotonClass::Diffuse as usize];
         let caustic_radius = radii[PhotonClass::Caustic as usize];
         Settings {
@@ -224,6 +242,7 @@ impl Technique {
             direct,
             kernel,
             splitting,
+            medium_query,
             radius,
             caustic_radius,
             ..settings.clone()
@@ -261,7 +280,16 @@ impl Technique {
             for &direct in &directs {
                 for &(strategy, merge_vertex) in &strategies {
                     let splitting = if open.splitting { 1 } else { own.splitting };
-                    all.push(Self { strategy, merge_vertex, direct, kernel, splitting });
+                    let plain = Self { strategy, merge_vertex, direct, kernel, splitting, ..own };
+                    let of = |query| Self { medium_query: Some(query), ..plain };
+                    match traits.media_scatter && strategy.has_photons() {
+                        false => all.push(plain),
+                        true if !open.medium_query => all.push(of(settings.medium_query)),
+                        true if traits.media_are_dense => {
+                            all.extend([MediumQuery::Points, MediumQuery::Beams].map(of));
+                        }
+                        true => all.push(of(MediumQuery::Beams)),
+                    }
                 }
             }
         }
@@ -307,6 +335,10 @@ struct SceneTraits {
     is_fine: bool,
     /// Weights of several techniques with photons hold in the media of the scene.
     may_weight: bool,
+    /// Media scatter light.
+    media_scatter: bool,
+    /// They may scatter it several times.
+    media_are_dense: bool,
 }
 
 /// Factor on the continuations of light paths whose first hits are not merged. In `scenes/cornell-box` the noise falls as
@@ -332,9 +364,11 @@ impl Candidate {
     /// Settings that render this candidate.
     pub fn apply(&self, settings: &Settings) -> Settings {
         let Self { technique, radius, caustic_radius, light_paths, camera_paths, .. } = *self;
+        let medium_scale = self.medium_scale;
         let mut radii = [radius; 2];
         radii[PhotonClass::Caustic as usize] = caustic_radius;
-        Settings { light_paths, camera_paths, mis_scales: None, ..technique.with(settings, radii) }
+        let own = technique.with(settings, radii);
+        Settings { light_paths, camera_paths, medium_scale, mis_scales: None, ..own }
     }
 }
 

@@ -13,6 +13,7 @@ use super::trial::Trial;
 use crate::adaptive::stopping::PILOT_SPREAD;
 use crate::film::annulus::left_at_half;
 use crate::noise::Coefficients;
+use crate::render::NestedPart;
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
@@ -84,7 +85,7 @@ pub struct ImageMeasurement {
 
 impl ImageScale {
     /// Width of what the image shows, scene units.
-    fn image_width(&self) -> f64 {
+    pub fn image_width(&self) -> f64 {
         f64::from(self.width) * self.footprint * PI.sqrt()
     }
 }
@@ -111,7 +112,7 @@ impl Model {
         }
         for class in classes {
             // The last trial that measured the bias of this class, or the prior if none did.
-            let trial = trials.iter().rfind(|trial| trial.nests == Some(class));
+            let trial = trials.iter().rfind(|trial| trial.nests == Some(NestedPart::Class(class)));
             let radius = trial.unwrap_or(&trials[0]).radii[class as usize];
             let prior = Prior::new(class, technique, radius / across);
             bias[class as usize] = Some(match trial {
@@ -145,7 +146,7 @@ impl Model {
     }
 
     /// Merge bias of both classes of photons at some radii: theory.md (93b), (71f).
-    fn merged(&self, radii: ByClass<f64>) -> ByClass<MergeBias> {
+    pub fn merged(&self, radii: ByClass<f64>) -> ByClass<MergeBias> {
         from_fn(|class| {
             let Some(bias) = self.bias[class] else { return MergeBias::default() };
             let [square, error] = bias.at(radii[class]);
@@ -347,6 +348,7 @@ mod tests {
             direct: Direct::Connect,
             kernel: Kernel::Area,
             splitting: 1,
+            medium_query: None,
         };
         let bias = Bias { radius: 4.0, square: 0.01, error: 0.001, falls_to: TYPICAL_FALL };
         let mut known = [None; 2];

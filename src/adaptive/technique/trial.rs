@@ -6,11 +6,11 @@ use crate::base::error::Result;
 use crate::film::counts::Counts;
 use crate::noise::image::NoiseImage;
 use crate::noise::{Coefficients, Measure};
-use crate::render::RenderConfig;
 use crate::render::Renderer;
 use crate::render::guiding::{
     LEARNING_CAMERA_PATHS, LEARNING_LIGHT_PATHS, LEARNING_PIXELS, LEARNING_ROUND, Learned,
 };
+use crate::render::{NestedPart, RenderConfig};
 use crate::scene::lights::guide::Guide;
 use crate::scene::{Emitter, Placement, Scene};
 use crate::settings::{Settings, Strategy};
@@ -18,7 +18,6 @@ use crate::timing::TimeModel;
 use crate::timing::fit::fit;
 use crate::timing::measure::{Phase, TimeSample};
 use crate::transport::kernel::ByClass;
-use crate::transport::photon::PhotonClass;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -114,8 +113,8 @@ pub struct TrialRunner<'a> {
 pub struct Trial {
     /// Merge radii, scene units.
     pub radii: ByClass<f64>,
-    /// The class of photons whose bias was measured, if any.
-    pub nests: Option<PhotonClass>,
+    /// The merges whose bias was measured, if any.
+    pub nests: Option<NestedPart>,
     /// Noise of the sample of the pixels.
     pub noise: NoiseImage,
     /// Times of an iteration of the whole image.
@@ -251,15 +250,15 @@ impl<'a> TrialRunner<'a> {
         Ok(Some(Guided { iterations, second_moment }))
     }
 
-    /// Tries the strategy, radii and weights of `settings` for `seconds`. Photons of the class `nests`
-    /// are merged at nested radii as well, which measures their bias.
+    /// Tries the strategy, radii and weights of `settings` for `seconds`. The merges of `nests` are done at nested radii
+    /// as well, which measures their bias.
     ///
     /// # Errors
     /// As [`Renderer::new`].
     pub fn trial(
         &mut self,
         settings: &Settings,
-        nests: Option<PhotonClass>,
+        nests: Option<NestedPart>,
         seconds: f64,
     ) -> Result<Trial> {
         let start = Instant::now();
@@ -278,13 +277,13 @@ impl<'a> TrialRunner<'a> {
             mis_scales,
             ..settings.clone()
         };
-        if nests.is_some() && own.caustic_radius == own.radius {
+        if matches!(nests, Some(NestedPart::Class(_))) && own.caustic_radius == own.radius {
             // With equal radii the nested radii would measure the bias of both classes together.
             own.caustic_radius *= RADIUS_RATIO;
         }
         let renderer = self.renderer(own.clone())?.guided(self.guide.clone());
         let batches = RenderConfig::with_pixel_batches();
-        let mut renderer = renderer.configure(RenderConfig { nested_class: nests, ..batches })?;
+        let mut renderer = renderer.configure(RenderConfig { nested_part: nests, ..batches })?;
         let elapsed = || start.elapsed().as_secs_f64();
         let (mut iterations, mut photons) = (0, 0);
         let measuring = TRIAL_MEASURING * seconds;
@@ -451,6 +450,7 @@ mod tests {
     use crate::import::load;
     use crate::scene::backend::{Backend, build};
     use crate::settings::Direct;
+    use crate::transport::photon::PhotonClass;
 
     #[test]
     fn equal_radii_measure_the_bias_of_each_class_separately() {
@@ -468,7 +468,7 @@ mod tests {
         let mut runner = TrialRunner::new(&renderer, 0.0).unwrap();
         // Without time a trial takes two iterations, with equal samples each time.
         let mut nested = |class| -> Vec<f64> {
-            let trial = runner.trial(&own, Some(class), 0.0).unwrap();
+            let trial = runner.trial(&own, Some(NestedPart::Class(class)), 0.0).unwrap();
             trial.noise.pixels.iter().map(|pixel| pixel.noise.nested[1]).collect()
         };
         let [every, last] = [PhotonClass::Caustic, PhotonClass::Diffuse].map(&mut nested);

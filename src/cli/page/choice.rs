@@ -44,6 +44,9 @@ fn technique(chosen: &Selection) -> Markup {
             @if best.technique.strategy.has_photons() {
                 " Photons are merged within " (number(best.radius.into())) " scene units, those of caustics within "
                 (number(best.caustic_radius.into())) "."
+                @if best.technique.medium_query.is_some() {
+                    " Radii in media are " (number(best.medium_scale)) " times as large."
+                }
                 @if let Some(guided) = &chosen.guide { " It has " (guided.describe()) "." }
             }
             @if let Some(next) = chosen.runner_up() {

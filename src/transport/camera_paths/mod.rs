@@ -9,6 +9,7 @@ mod non_diffuse;
 
 pub use aov::PathAov;
 
+use super::clearance::Clearance;
 use super::gather::{GatherPoints, GatherView};
 use super::light_paths::survival;
 use super::mis::Mis;
@@ -23,7 +24,7 @@ use crate::settings::{Direct, Settings, Strategy};
 use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, Vec3s, any, lanes_of};
 use bytemuck::{Pod, Zeroable};
-pub use medium::MediumPoint;
+pub use medium::{MediumBeam, MediumPoint};
 use mis::LastVertex;
 use std::array::from_fn;
 use std::mem;
@@ -54,6 +55,8 @@ pub struct CameraPass<'a> {
     pub key: StreamKey,
     /// Vertices before the last one gather, too.
     pub gather_early: bool,
+    /// Where surfaces are within the merge radii, in scenes with media.
+    pub clearance: Option<&'a Clearance>,
 }
 
 /// Camera paths that are merged together, traced batch by batch; buffers are reused.
@@ -67,6 +70,8 @@ pub struct CameraPaths {
     pub views: Vec<GatherView>,
     /// Points in media at which photons are merged.
     pub medium_points: Vec<MediumPoint>,
+    /// Segments in media along which photons are merged.
+    pub beams: Vec<MediumBeam>,
     /// Rays traced so far, over all batches.
     pub rays: u64,
     /// Index of the first path of the current batch. Some paths of a fisheye camera have no segment at all.
@@ -159,6 +164,7 @@ impl CameraPaths {
         self.gather_points.clear();
         self.views.clear();
         self.medium_points.clear();
+        self.beams.clear();
     }
 
     /// Traces one more batch.

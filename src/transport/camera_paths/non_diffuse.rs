@@ -189,7 +189,7 @@ impl CameraPaths {
 }
 
 /// Share of the initial weight below which paths that pass through a vertex may end: theory.md (44).
-const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
+pub(super) const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
 
 /// Number of vertices passed through from which on a path ends with the probability [`LONG_CHAIN_END`] at each of
 /// them: mirrors may trap light.

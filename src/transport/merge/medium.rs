@@ -1,14 +1,19 @@
-//! Merging in media: photons within a ball around points of camera paths.
+//! Merging in media: photons within a ball around points of camera paths, or along their segments.
 
-use super::super::camera_paths::{CameraPaths, MediumPoint};
-use super::super::kernel::{ByClass, MediumKernel};
+use super::super::camera_paths::{CameraPaths, MediumBeam, MediumPoint};
+use super::super::kernel::ByClass;
+use super::super::medium_kernel::MediumKernel;
+use super::super::medium_photons::MediumPhotons;
 use super::super::pair_list::{Pair, PairList};
 use super::super::photon::{Photon, PhotonClass};
-use super::super::photon_map::{PhotonMap, Range, Ranges};
-use super::{MAX_PAIRS, Merge, PathSums};
+use super::super::photon_map::{Range, Ranges};
+use super::super::photon_tree::Segment;
+use super::super::room::Room;
+use super::{Merge, PathSums};
 use crate::base::math::{LUMINANCE, Rgb};
 use crate::base::spectrum::Wavelength;
 use crate::scene::henyey_greenstein;
+use crate::simd::dispatch::vectorized;
 use crate::simd::{LANES, Vec3s};
 use std::array::from_fn;
 use std::ops;
@@ -16,7 +21,7 @@ use std::ops;
 /// A merge kernel over the photons in media.
 #[derive(Clone, Copy)]
 pub(super) struct MediumMerge<'a> {
-    pub map: &'a PhotonMap,
+    pub photons: &'a MediumPhotons,
     pub kernel: MediumKernel,
 }
 
@@ -33,9 +38,8 @@ struct Merged {
 }
 
 impl Merge<'_> {
-    /// Merges photons at the points in media of a part of the camera paths. Returns false if it stopped because several
-    /// camera paths have too many pairs.
-    /// theory.md (37i)
+    /// Merges photons at the points and along the segments in media of a part of the camera paths. Returns false if it
+    /// stopped because several camera paths have too many pairs.
     #[inline(never)] // media are rare
     pub(super) fn merge_media<const PAIRS: bool>(
         &self,
@@ -46,43 +50,102 @@ impl Merge<'_> {
     ) -> bool {
         let Some(medium) = &self.medium else { return true };
         let mut ranges = Ranges::default();
+        let are_too_many =
+            |pairs: &PairList| PAIRS && pairs.len() > self.max_pairs && part.len() > 1;
         for points in paths.medium_points.chunks(LANES) {
             let mut positions = Vec3s::default();
             points.iter().enumerate().for_each(|(lane, at)| positions.set(lane, at.position));
             let wanted = from_fn(|lane| {
                 points.get(lane).is_some_and(|point| part.contains(&(point.path as usize)))
             });
-            medium.map.find_ranges(&positions, &wanted, &mut ranges);
+            medium.photons.map().find_ranges(&positions, &wanted, &mut ranges);
             for ranges in ranges.by_lane() {
                 let point = &points[ranges[0].lane];
                 let is_last = point.vertex == self.merge_vertex;
                 let found = medium.merge::<PAIRS>(point, is_last, ranges, pairs);
-                let path = point.path as usize;
-                sums.sums[path] += found.all[0] + found.all[1];
-                if self.options.records_caustics && point.vertex == 1 {
-                    sums.caustics[path] += found.all[PhotonClass::Caustic as usize];
-                }
-                if self.options.records_annulus {
-                    // theory.md (71a)
-                    for (class, sum) in sums.annulus[path].iter_mut().enumerate() {
-                        *sum += found.all[class] - found.inner[class];
-                    }
-                }
-                if found.pairs > 0 {
-                    pairs.commit(found.pairs, point.path, found.nested);
-                }
+                self.add_in_media(&found, point.path, point.vertex, pairs, sums);
             }
-            if PAIRS && pairs.len() > MAX_PAIRS && part.len() > 1 {
+            if are_too_many(pairs) {
+                return false;
+            }
+        }
+        for beam in paths.beams.iter().filter(|beam| part.contains(&(beam.path as usize))) {
+            let is_last = beam.vertex == self.merge_vertex;
+            let found = medium.merge_along::<PAIRS>(beam, is_last, pairs);
+            self.add_in_media(&found, beam.path, beam.vertex, pairs, sums);
+            if are_too_many(pairs) {
                 return false;
             }
         }
         true
+    }
+
+    /// Adds what was merged at a vertex of this number, or on the way to it.
+    fn add_in_media(
+        &self,
+        found: &Merged,
+        path: u32,
+        vertex: u32,
+        pairs: &mut PairList,
+        sums: &mut PathSums,
+    ) {
+        let index = path as usize;
+        sums.sums[index] += found.all[0] + found.all[1];
+        if self.options.records_caustics && vertex == 1 {
+            sums.caustics[index] += found.all[PhotonClass::Caustic as usize];
+        }
+        if self.options.records_annulus {
+            // theory.md (71a)
+            for (class, sum) in sums.annulus[index].iter_mut().enumerate() {
+                *sum += found.all[class] - found.inner[class];
+            }
+        }
+        if found.pairs > 0 {
+            pairs.commit(found.pairs, path, found.nested);
+        }
+    }
+}
+
+impl Merged {
+    /// Adds the light of a photon. `inside` tells whether it is within the nested radii, and `nested` are the kernels at
+    /// these over the kernel at the radius, in the order of theory.md (68).
+    fn add<const PAIRS: bool>(
+        &mut self,
+        photon: &Photon,
+        light: Rgb,
+        inside: [bool; 2],
+        nested: [f32; 2],
+        pairs: &mut PairList,
+    ) {
+        let of = photon.class() as usize;
+        self.all[of] += light;
+        if inside[1] {
+            self.inner[of] += light * nested[1];
+        }
+        if PAIRS {
+            let value = LUMINANCE.dot(light);
+            // theory.md (68)
+            let [inner, core] = from_fn(|at| if inside[at] { nested[at] * value } else { 0.0 });
+            self.nested[0] += value - inner;
+            self.nested[1] += inner - core;
+            pairs.space(self.pairs + 1)[self.pairs] = Pair { light_path: photon.path, value };
+            self.pairs += 1;
+        }
+    }
+}
+
+/// Factor of a merge of a camera path and a photon with wavelengths: theory.md (47l).
+fn across_wavelengths(own: Option<Wavelength>, photon: &Photon) -> Rgb {
+    match (own, Wavelength::from_index(photon.wavelength_index())) {
+        (Some(own), Some(other)) => own.merge_factor(other),
+        _ => Rgb::ONE,
     }
 }
 
 impl MediumMerge<'_> {
     /// Merges the photons near a point, and lists pairs if `PAIRS`. Only the last vertex of a path, `is_last`, merges
     /// photons of all classes.
+    /// theory.md (37i)
     fn merge<const PAIRS: bool>(
         &self,
         point: &MediumPoint,
@@ -90,43 +153,86 @@ impl MediumMerge<'_> {
         ranges: &[Range],
         pairs: &mut PairList,
     ) -> Merged {
-        let MediumKernel { radius2, nested2, inverse_volume, nested } =
+        let MediumKernel { radius2, nested2, inverse_size, nested, .. } =
             &self.kernel.cut_by(&point.room);
         let mut found = Merged::default();
-        self.map.for_each_in(ranges, point.position, |photon: &Photon, distance2, _| {
-            let class = photon.class();
-            let of = class as usize;
-            let is_merged = is_last || class == PhotonClass::Caustic;
+        self.photons.map().for_each_in(ranges, point.position, |photon, distance2, _| {
+            let of = photon.class() as usize;
+            let is_merged = is_last || photon.class() == PhotonClass::Caustic;
             let is_inside =
                 distance2 <= radius2[of] && point.room.contains(photon.position - point.position);
             if !(is_merged && is_inside) {
                 return;
             }
             let cos = photon.direction().dot(point.direction);
-            let kernel = henyey_greenstein(point.asymmetry, cos) * inverse_volume[of];
-            let mut light = point.weight * photon.flux * kernel;
-            if let Some(own) = point.wavelength
-                && let Some(other) = Wavelength::from_index(photon.wavelength_index())
-            {
-                // theory.md (47l)
-                light *= own.merge_factor(other);
-            }
-            found.all[of] += light;
+            let kernel = henyey_greenstein(point.asymmetry, cos) * inverse_size[of];
+            let kernel = kernel * across_wavelengths(point.wavelength, photon);
+            let light = point.weight * photon.flux * kernel;
             let inside = [0, 1].map(|at| distance2 <= nested2[at][of]);
-            if inside[1] {
-                found.inner[of] += light * nested[1][of];
-            }
-            if PAIRS {
-                let value = LUMINANCE.dot(light);
-                // theory.md (68)
-                let [inner, core] =
-                    from_fn(|at| if inside[at] { nested[at][of] * value } else { 0.0 });
-                found.nested[0] += value - inner;
-                found.nested[1] += inner - core;
-                pairs.space(found.pairs + 1)[found.pairs] = Pair { light_path: photon.path, value };
-                found.pairs += 1;
-            }
+            found.add::<PAIRS>(photon, light, inside, [0, 1].map(|at| nested[at][of]), pairs);
         });
         found
+    }
+
+    /// Merges the photons along a segment, and lists pairs if `PAIRS`: the beam radiance estimate of Jarosz, Zwicker and
+    /// Jensen 2008. Each photon counts at the foot of its perpendicular.
+    /// theory.md (37m)
+    fn merge_along<const PAIRS: bool>(
+        &self,
+        beam: &MediumBeam,
+        is_last: bool,
+        pairs: &mut PairList,
+    ) -> Merged {
+        let (tree, mut found) = (self.photons.tree(), Merged::default());
+        let radius = self.kernel.radius();
+        vectorized(
+            #[inline(always)]
+            |_| {
+                tree.for_each_near(&beam.segment, radius, |index, along| {
+                    let photon = &tree.photons()[index];
+                    if is_last || photon.class() == PhotonClass::Caustic {
+                        let room = self.photons.room(index);
+                        self.merge_at_foot::<PAIRS>(beam, photon, along, room, &mut found, pairs);
+                    }
+                });
+            },
+        );
+        found
+    }
+
+    /// Merges a photon at the foot of its perpendicular on a segment, which is at this distance.
+    #[inline(always)] // part of the loop over photons
+    fn merge_at_foot<const PAIRS: bool>(
+        &self,
+        beam: &MediumBeam,
+        photon: &Photon,
+        along: f32,
+        room: Option<&Room>,
+        found: &mut Merged,
+        pairs: &mut PairList,
+    ) {
+        let of = photon.class() as usize;
+        let Segment { origin, direction, .. } = beam.segment;
+        let offset = origin + along * direction - photon.position;
+        let distance2 = offset.length_squared();
+        if distance2 > self.kernel.radius2[of] {
+            return;
+        }
+        let mut kernel = self.kernel;
+        if let Some(room) = room {
+            if !room.contains(offset) {
+                return;
+            }
+            kernel = kernel.cut_across(room, offset, direction);
+        }
+        let MediumKernel { nested2, inverse_size, nested, .. } = &kernel;
+        let cos = photon.direction().dot(direction);
+        let factor = henyey_greenstein(beam.asymmetry, cos)
+            * inverse_size[of]
+            * across_wavelengths(beam.wavelength, photon);
+        let transmittance = (-beam.extinction * along).exp();
+        let light = beam.weight * photon.flux * transmittance * factor;
+        let inside = [0, 1].map(|at| distance2 <= nested2[at][of]);
+        found.add::<PAIRS>(photon, light, inside, [0, 1].map(|at| nested[at][of]), pairs);
     }
 }

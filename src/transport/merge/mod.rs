@@ -13,7 +13,9 @@ pub use output::MergeOutput;
 
 use super::camera_paths::CameraPaths;
 use super::gather::{GatherPacket, GatherPoint};
-use super::kernel::{Admission, ByClass, MediumKernel, MergeKernel, NestedRadii, PointKernels};
+use super::kernel::{Admission, ByClass, MergeKernel, NestedRadii, PointKernels};
+use super::medium_kernel::MediumKernel;
+use super::medium_photons::MediumPhotons;
 use super::mis::Mis;
 use super::pair_list::PairList;
 use super::photon::PhotonClass;
@@ -157,10 +159,10 @@ impl<'a> Merge<'a> {
         Self { map, merge_vertex, kernel, admission, medium: None, options, by_zone, max_pairs }
     }
 
-    /// Also merges the photons in media, which a map holds that was built for the kernel's reach.
+    /// Also merges the photons in media, which were prepared for a kernel of this reach or a larger one.
     #[must_use]
-    pub fn with_medium(self, map: &'a PhotonMap, kernel: MediumKernel) -> Self {
-        Self { medium: (!map.is_empty()).then_some(MediumMerge { map, kernel }), ..self }
+    pub fn with_medium(self, photons: &'a MediumPhotons, kernel: MediumKernel) -> Self {
+        Self { medium: (!photons.is_empty()).then_some(MediumMerge { photons, kernel }), ..self }
     }
 
     /// Quantities that are recorded beside the sums, and MIS.
@@ -178,9 +180,8 @@ impl<'a> Merge<'a> {
     #[must_use]
     pub fn caustics_only(self) -> Self {
         let options = MergeOptions { records_annulus: false, ..self.options };
-        let medium = self
-            .medium
-            .map(|MediumMerge { map, kernel }| MediumMerge { map, kernel: kernel.caustics_only() });
+        let medium =
+            self.medium.map(|own| MediumMerge { kernel: own.kernel.caustics_only(), ..own });
         Self { admission: self.admission.caustics_only(), medium, options, ..self }
     }
 

@@ -175,13 +175,6 @@ impl PhotonMap {
         start.elapsed() * rayon::current_num_threads() as u32
     }
 
-    /// [`Self::build`] for the photons in media.
-    pub fn build_in_media(&mut self, paths: &LightPaths, radius: f32) -> Duration {
-        let start = Instant::now();
-        self.build_from(&paths.medium_photons().collect::<Vec<_>>(), radius);
-        start.elapsed() * rayon::current_num_threads() as u32
-    }
-
     /// Builds the map from slices of photons, without MIS.
     pub fn build_from(&mut self, photons: &[&[Photon]], radius: f32) {
         let extents = photons.iter().map(|photons| Extent::of(photons));
