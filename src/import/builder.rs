@@ -15,7 +15,8 @@ use crate::base::math::Bounds;
 use crate::base::memory::available_memory;
 use crate::scene::transform::Transform;
 use crate::scene::{
-    Arrangement, Camera, Emitter, Environment, Material, Medium, MeterSet, Placement, Region, Scene,
+    Arrangement, Camera, Emitter, Environment, Material, Medium, MediumBoundary, MeterSet,
+    Placement, Region, Scene,
 };
 use crate::settings::PartialSettings;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -202,6 +203,21 @@ impl Builder {
         let text = format!("{path}: no camera; added one at {position}, {degrees} degrees high");
         self.warnings.push(Warning::chosen(text));
         Ok(camera)
+    }
+
+    /// The medium that fills the scene if this one is around the camera; `None` if a shape bounds it.
+    pub fn filling_medium(&self, around_camera: Option<Arc<Medium>>) -> Option<Arc<Medium>> {
+        around_camera.filter(|medium| {
+            let bounds = |own: &Material| {
+                let Some(MediumBoundary { interior, exterior }) = &own.boundary else {
+                    return false;
+                };
+                // Light that goes straight on leaves a medium for the space around it.
+                let is_hull = own.is_index_matched_boundary();
+                interior.as_ref() == Some(medium) || is_hull && exterior.as_ref() == Some(medium)
+            };
+            !self.materials.iter().any(bounds)
+        })
     }
 
     pub fn finish(

@@ -97,10 +97,13 @@ impl Media {
             1_u64.checked_shl(index as u32).unwrap_or(0)
         };
         let filling = number(&all.cloned());
+        // An object with nothing but an exterior is empty, not filled.
+        let vacuum = (filling != 0).then(|| Arc::new(Medium::vacuum()));
         let of_material: Vec<Option<Boundary>> = materials
             .iter()
             .map(|material| {
                 let MediumBoundary { interior, exterior } = material.boundary.as_ref()?;
+                let interior = if interior.is_none() { &vacuum } else { interior };
                 Some(Boundary {
                     interior: number(interior),
                     exterior: number(exterior),
@@ -404,6 +407,32 @@ mod tests {
         let accel = Bvh::new(&scene.geometry()).unwrap();
         let media = scene.media().unwrap();
         media.medium(media.at(scene, &accel, point)).map(|medium| medium.name.clone())
+    }
+
+    /// A medium between all objects does not enter an object that has an exterior only.
+    #[test]
+    fn objects_with_an_exterior_only_are_empty() {
+        let (smoke, water) = (medium("smoke", 0), medium("water", 0));
+        let glass = Bsdf::Dielectric(Dielectric::new(1.5));
+        let outside = MediumBoundary { interior: None, exterior: Some(smoke.clone()) };
+        let materials = vec![material(outside, glass), material(inside(&water), glass)];
+        let meshes = vec![
+            block(Vec3::splat(-2.0), Vec3::splat(2.0), 0),
+            block(Vec3::splat(-1.0), Vec3::splat(1.0), 1),
+        ];
+        let scene = scene(meshes, materials).with_filling_medium(Some(smoke)).unwrap();
+        for (x, name) in [(0.0, "water"), (1.5, "vacuum"), (2.5, "smoke")] {
+            let found = name_at(&scene, Vec3::new(x, 0.1, 0.2));
+            assert_eq!(found.as_deref(), Some(name), "{x}");
+        }
+        let media = scene.media().unwrap();
+        let mut state = media.at(&scene, &Bvh::new(&scene.geometry()).unwrap(), 3.0 * Vec3::X);
+        for (placement, from_front, name) in
+            [(0, true, "vacuum"), (1, true, "water"), (1, false, "vacuum"), (0, false, "smoke")]
+        {
+            state = media.cross(state, placement, from_front);
+            assert_eq!(media.medium(state).unwrap().name, name);
+        }
     }
 
     /// Ice in water: the smaller object counts. A bubble in the ice has an exterior, the ice.

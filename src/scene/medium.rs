@@ -43,6 +43,17 @@ pub enum Flight {
 }
 
 impl Medium {
+    /// Empty space inside of an object, where another medium is all around.
+    pub fn vacuum() -> Self {
+        Self {
+            name: "vacuum".into(),
+            absorption: Rgb::ZERO,
+            scattering: Rgb::ZERO,
+            asymmetry: 0.0,
+            priority: 0,
+        }
+    }
+
     /// A medium that absorbs only, such that white light has this color, in [0, 1], after `distance` scene units.
     pub fn absorbing(name: &str, color: Rgb, distance: f32) -> Self {
         // Less than a millionth is nothing, and the coefficient stays finite.

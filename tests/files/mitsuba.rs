@@ -607,3 +607,25 @@ fn public_mitsuba_scenes_load() {
         }
     }
 }
+
+/// The medium of a sensor fills the scene unless a shape bounds it, also where opaque shapes and glass name it as
+/// their exterior.
+#[test]
+fn medium_around_the_sensor_fills_the_scene() {
+    let fog = "<medium type='homogeneous' id='fog'><float name='sigma_t' value='1'/></medium>";
+    let sensor = CAMERA.replace("</sensor>", "<ref id='fog'/></sensor>");
+    let lamp = "<emitter type='point'><rgb name='intensity' value='1'/></emitter>";
+    let shape = |bsdf: &str, side: &str| {
+        format!("<shape type='sphere'><bsdf type='{bsdf}'/><ref name='{side}' id='fog'/></shape>\n")
+    };
+    for (shapes, fills) in [
+        (shape("diffuse", "exterior"), true),
+        (shape("dielectric", "exterior"), true),
+        (shape("null", "interior"), false),
+        (shape("null", "exterior"), false),
+        (shape("dielectric", "interior"), false),
+    ] {
+        let loaded = read(&scene(&[fog, &sensor, lamp, &shapes].concat()));
+        assert_eq!(loaded.scene.filling_medium().is_some(), fills, "{shapes}");
+    }
+}

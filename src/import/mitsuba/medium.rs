@@ -32,10 +32,12 @@ impl MediumCache {
         Ok((boundary != MediumBoundary::default()).then_some(boundary))
     }
 
-    /// The medium of a sensor that no shape bounds: it fills the scene.
-    pub fn filling(&mut self, sensor: &Object, paints: &mut Paints) -> Result<Option<Arc<Medium>>> {
-        let Some(medium) = sensor.all("medium")?.into_iter().next() else { return Ok(None) };
-        if self.known.contains_key(&medium.index) { Ok(None) } else { self.medium(&medium, paints) }
+    /// The medium around a sensor.
+    pub fn around(&mut self, sensor: &Object, paints: &mut Paints) -> Result<Option<Arc<Medium>>> {
+        match sensor.all("medium")?.into_iter().next() {
+            Some(medium) => self.medium(&medium, paints),
+            None => Ok(None),
+        }
     }
 
     fn medium(&mut self, object: &Object, paints: &mut Paints) -> Result<Option<Arc<Medium>>> {

@@ -104,10 +104,11 @@ impl SceneReader<'_> {
         for shape in &shapes {
             self.place(shape, world)?;
         }
-        let filling_medium = match &chosen {
-            Some(object) => self.media.filling(object, &mut self.paints)?,
+        let around_camera = match &chosen {
+            Some(object) => self.media.around(object, &mut self.paints)?,
             None => None,
         };
+        let filling_medium = self.builder.filling_medium(around_camera);
         self.warn_of_unused(document);
         let Self { mut builder, paints, path, .. } = self;
         builder.warnings.extend(paints.warnings.into_warnings(&shown));

@@ -28,7 +28,7 @@ use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::import::paint::Paint;
 use crate::scene::transform::Transform;
-use crate::scene::{Emitter, Material, Medium, Mesh, NormalMap};
+use crate::scene::{Emitter, Material, Mesh, NormalMap};
 use crate::settings::PartialSettings;
 use camera::{CameraSource, FilmSource};
 use glam::{DAffine3, DMat3, DVec3, Vec2};
@@ -363,12 +363,7 @@ impl SceneReader<'_> {
         let defaults =
             PartialSettings { resolution: Some(film.resolution()), ..PartialSettings::default() };
         let extras = options.extras(&mut builder.warnings)?;
-        // The medium of the camera, unless a shape bounds it, fills the scene.
-        let bounds = |medium: &Arc<Medium>| {
-            let mut boundaries = builder.materials.iter().filter_map(|own| own.boundary.as_ref());
-            boundaries.any(|boundary| boundary.interior.as_ref() == Some(medium))
-        };
-        let filling_medium = media.named(&camera_medium).filter(|medium| !bounds(medium));
+        let filling_medium = builder.filling_medium(media.named(&camera_medium));
         let mut extras = SceneExtras { defaults, default_light: false, filling_medium, ..extras };
         match (environment, &extras.environment) {
             (Some(_), Some(_)) => builder.warnings.push(replaced_environment(path)),
