@@ -63,7 +63,7 @@ def waves(half, depth, count):
     def height(x, y):
         """Height of the water, and its slopes."""
         z = dx = dy = 0.0
-        for kx, ky, size, phase in ((5.0, 0.5, 0.04, 0.3), (-3.1, 1.1, 0.04, 1.1), (6.7, 1.6, 0.01, 2.0)):
+        for kx, ky, size, phase in ((5.0, 0.5, 0.06, 0.3), (-3.1, 1.1, 0.05, 1.1), (7.3, 1.6, 0.015, 2.0)):
             angle = kx * x + ky * y + phase
             z += size * math.sin(angle)
             dx += kx * size * math.cos(angle)

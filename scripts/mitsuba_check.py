@@ -279,4 +279,5 @@ def main():
             whole(Path(name), size, seconds, int(runs), long)
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -120,12 +120,22 @@ make_picture() {
             )
             "$picture" strip "$out/report.jpg" "$work/report.png" ""
             ;;
+        volume-caustics) # wants Mitsuba, which scripts/mitsuba-check.sh installs
+            local scene seconds=${SECONDS_EACH:-30}
+            "${MITSUBA_VENV:-target/mitsuba}/bin/python" scripts/media_table.py --images --bdpm "$bdpm" --size 320 \
+                --seconds "$seconds" --folder "$work/media" smoke underwater
+            for scene in smoke underwater; do
+                "$picture" strip "$out/$scene-volpath.jpg" "$work/media/$scene-bdpm.exr" "bdpm, $seconds s" \
+                    "$work/media/$scene-volpath.exr" "volpath, $seconds s"
+            done
+            ;;
         *) echo "pictures: there is no picture $1" >&2 && return 1 ;;
     esac
 }
 
 all=(point-caustic hall objective daylight materials caustic-sphere smoke cornell-box equal-time-caustic
-    equal-time-keyhole equal-time-daylight error-maps guides caustic-radii denoising report)
+    equal-time-keyhole equal-time-daylight error-maps guides caustic-radii denoising report
+    volume-caustics)
 [ $# -gt 0 ] || set -- "${all[@]}"
 for name; do
     echo "pictures: $name" >&2

@@ -26,13 +26,13 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// Pixels across and down.
-const SIDE: u32 = 8;
+pub(super) const SIDE: u32 = 8;
 
-fn medium(absorption: Vec3, scattering: Vec3, asymmetry: f32) -> Arc<Medium> {
+pub(super) fn medium(absorption: Vec3, scattering: Vec3, asymmetry: f32) -> Arc<Medium> {
     Arc::new(Medium { name: "fog".into(), absorption, scattering, asymmetry, priority: 0 })
 }
 
-fn gray_medium(absorption: f32, scattering: f32, asymmetry: f32) -> Arc<Medium> {
+pub(super) fn gray_medium(absorption: f32, scattering: f32, asymmetry: f32) -> Arc<Medium> {
     medium(Vec3::splat(absorption), Vec3::splat(scattering), asymmetry)
 }
 
@@ -43,7 +43,7 @@ fn around(interior: &Arc<Medium>, bsdf: Bsdf) -> Material {
 }
 
 /// A material around a medium that does not refract.
-fn index_matched(interior: &Arc<Medium>) -> Material {
+pub(super) fn index_matched(interior: &Arc<Medium>) -> Material {
     around(interior, Bsdf::ThinDielectric(ThinDielectric::new(1.0)))
 }
 
@@ -59,7 +59,7 @@ fn cube(center: Vec3, half: f32, inward: bool, material: u32) -> Vec<Mesh> {
 }
 
 /// One closed mesh of the sides of a cube: the boundary of a medium.
-fn block(center: Vec3, half: f32, material: u32) -> Mesh {
+pub(super) fn block(center: Vec3, half: f32, material: u32) -> Mesh {
     let mut whole = Mesh { name: "block".into(), material, ..Mesh::default() };
     for side in cube(center, half, false, material) {
         let first = whole.positions.len() as u32;
@@ -76,7 +76,11 @@ fn merging() -> impl Iterator<Item = (Direct, u32, MediumQuery)> {
 }
 
 /// Mean of the image by each strategy.
-fn means(scene: &Arc<Scene>, settings: &Settings, iterations: u64) -> Vec<(String, Estimate)> {
+pub(super) fn means(
+    scene: &Arc<Scene>,
+    settings: &Settings,
+    iterations: u64,
+) -> Vec<(String, Estimate)> {
     let accel = accel(scene);
     let mut all = Vec::new();
     let path = Settings { strategy: Strategy::Path, merge_vertex: 2, ..settings.clone() };
@@ -461,4 +465,113 @@ fn assert_merges_nest(scene: &Scene, accel: &dyn Intersect, medium_query: Medium
         lit += u32::from(a != c);
     }
     assert!(lit > 100, "few paths merge in media: {lit}");
+}
+
+/// Share of light that two parts of a stack let through and reflect, from the front and from the back.
+#[derive(Clone, Copy)]
+struct Layer {
+    through: f64,
+    front: f64,
+    back: f64,
+}
+
+impl Layer {
+    /// The interface of two refractive indices at a right angle.
+    fn interface(before: f64, behind: f64) -> Self {
+        let reflected = ((before - behind) / (before + behind)).powi(2);
+        Self { through: 1.0 - reflected, front: reflected, back: reflected }
+    }
+
+    /// This layer, a distance that leaves the share `left`, and another layer. Light is reflected between both.
+    fn and(self, left: f64, other: Self) -> Self {
+        let again = 1.0 / (1.0 - self.back * other.front * left * left);
+        let returned = |own: Self, next: f64| own.through.powi(2) * left * left * next * again;
+        Self {
+            through: self.through * left * other.through * again,
+            front: self.front + returned(self, other.front),
+            back: other.back + returned(other, self.back),
+        }
+    }
+}
+
+/// Mean color of the front of a panel with radiance 1 through these meshes, and its error.
+fn through(meshes: Vec<Mesh>, materials: Vec<Material>, iterations: u32) -> (DVec3, f64) {
+    let mut all = vec![square(3.0 * Vec3::X, -Vec3::X, 4.0, 0)];
+    all.extend(meshes);
+    let materials = [vec![gray(0.0, 1.0)], materials].concat();
+    let scene = scene(all, materials, vec![], camera(-3.0 * Vec3::X, Vec3::ZERO, 0.01));
+    let settings = Settings { strategy: Strategy::Path, merge_vertex: 2, ..settings(4, 4) };
+    let mut renderer = Renderer::new(&scene, &accel(&scene), settings).unwrap();
+    for _ in 0..iterations {
+        renderer.iterate(Measure::Off);
+    }
+    let sum: DVec3 =
+        renderer.film().sums.map_rows(|pixel| pixel.radiance).into_iter().sum::<DVec3>();
+    // Values of paths are in [0, 1].
+    let paths = 16.0 * 4.0 * f64::from(iterations);
+    (sum / (16.0 * f64::from(iterations)), (0.25 / paths).sqrt())
+}
+
+/// Wine between two walls of a glass, at a right angle: the wine's surface is the only one where both touch, and names
+/// the glass as its exterior.
+#[test]
+fn liquid_in_glass_refracts_and_absorbs_by_its_interfaces() {
+    let glass = medium(Vec3::new(0.3, 0.1, 0.2), Vec3::ZERO, 0.0);
+    let wine = medium(Vec3::new(0.3, 2.0, 1.5), Vec3::ZERO, 0.0);
+    let of = |interior: &Arc<Medium>, exterior: Option<&Arc<Medium>>, bsdf| {
+        let boundary =
+            MediumBoundary { interior: Some(interior.clone()), exterior: exterior.cloned() };
+        Material { boundary: Some(boundary), ..Material::new("wall", bsdf) }
+    };
+    let materials = vec![
+        of(&glass, None, Bsdf::Dielectric(Dielectric::new(1.5))),
+        of(&wine, Some(&glass), Bsdf::Dielectric(Dielectric::new(1.34 / 1.5))),
+    ];
+    let face = |x: f32, normal, material| square(x * Vec3::X, normal, 1.0, material);
+    let meshes = vec![
+        face(0.0, -Vec3::X, 1),
+        face(0.3, -Vec3::X, 2),
+        face(0.8, Vec3::X, 2),
+        face(1.0, Vec3::X, 1),
+    ];
+    let (found, error) = through(meshes, materials, 4000);
+    for channel in 0..3 {
+        let left = |medium: &Medium, distance: f64| {
+            (-f64::from(medium.absorption[channel]) * distance).exp()
+        };
+        let stack = Layer::interface(1.0, 1.5)
+            .and(left(&glass, 0.3), Layer::interface(1.5, 1.34))
+            .and(left(&wine, 0.5), Layer::interface(1.34, 1.5))
+            .and(left(&glass, 0.2), Layer::interface(1.5, 1.0));
+        let (found, expected) = (found[channel], stack.through);
+        assert!((found - expected).abs() < 4.0 * error, "{channel}: {found} {expected}");
+    }
+}
+
+/// Wine that reaches into the walls of its glass: the glass has the higher priority, and fills the space of both. Here
+/// no interface refracts, for those of overlapping objects keep their own indices.
+#[test]
+fn overlapping_media_absorb_by_their_priority() {
+    let with = |absorption, priority| {
+        Arc::new(Medium { priority, ..Medium::clone(&medium(absorption, Vec3::ZERO, 0.0)) })
+    };
+    let (glass, wine) = (Vec3::new(0.3, 0.1, 0.2), Vec3::new(0.3, 2.0, 1.5));
+    for (of_glass, of_wine, [in_glass, in_wine]) in
+        [(1, 0, [0.8, 0.6]), (0, 1, [0.4, 1.0]), (-2, -3, [0.8, 0.6])]
+    {
+        let materials =
+            vec![index_matched(&with(glass, of_glass)), index_matched(&with(wine, of_wine))];
+        let thin = |x: f32, half: f32, material| {
+            let mut mesh = block(Vec3::ZERO, 1.0, material);
+            for corner in &mut mesh.positions {
+                corner.x = x + half * corner.x;
+            }
+            mesh
+        };
+        // Walls from -.7 to -.3 and from .3 to .7, and wine from -.5 to .5.
+        let meshes = vec![thin(-0.5, 0.2, 1), thin(0.5, 0.2, 1), thin(0.0, 0.5, 2)];
+        let (found, _) = through(meshes, materials, 1);
+        let expected = (-(in_glass as f32) * glass - (in_wine as f32) * wine).map(f32::exp);
+        assert!(found.distance(expected.as_dvec3()) < 1e-5, "{of_glass}: {found} {expected}");
+    }
 }
