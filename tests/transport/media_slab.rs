@@ -11,7 +11,7 @@ use glam::Vec3;
 use std::sync::Arc;
 
 /// Half of the distance between opposite walls, scene units.
-const HALF: f32 = 0.2;
+const HALF: f32 = 0.1;
 
 /// A shaft with walls of mirrors around a block of the material 1 with its lower face at 0 and its upper face at 1, a
 /// floor of the material 2 below it and a ceiling of the material 3 above it.
@@ -37,10 +37,10 @@ fn wall(center: Vec3, normal: Vec3) -> Mesh {
 
 fn base() -> Settings {
     Settings {
-        light_paths: 10_000,
+        light_paths: 30_000,
         camera_paths: 24,
-        radius: 0.02,
-        caustic_radius: 0.02,
+        radius: 0.012,
+        caustic_radius: 0.012,
         medium_scale: 1.0,
         seed: 7,
         ..settings(SIDE, SIDE)
@@ -53,8 +53,8 @@ fn assert_means(scene: &Arc<Scene>, settings: &Settings, iterations: u64, expect
     for (name, Estimate { mean, error }) in means(scene, settings, iterations) {
         println!("{name}: {mean:.5} +- {error:.5}, {expected:.5}");
         assert!(error < 0.015 * expected, "says little: {name}");
-        // The fluence is not linear over the balls near the faces.
-        assert!((mean - expected).abs() < 4.0 * error + 3e-3 * expected, "{name}");
+        // Faces cut off balls, so that the middle of what is left is deeper in the slab, where the fluence differs.
+        assert!((mean - expected).abs() < 4.0 * error + 5e-3 * expected, "{name}");
     }
 }
 
