@@ -17,10 +17,6 @@ impl Wavelength {
     /// Number of wavelengths.
     pub const COUNT: usize = 1023;
 
-    /// Maximum difference of the cumulative probabilities of two wavelengths that merge. Six
-    /// percent of the pairs merge.
-    const MERGED: f64 = 0.03;
-
     /// Limits of the visible range, nm.
     const RANGE: [f64; 2] = [380.0, 780.0];
 
@@ -63,18 +59,20 @@ impl Wavelength {
         SPECTRUM.prob[usize::from(self.0) - 1]
     }
 
-    /// Factor of a merge of a photon of the wavelength `photon` with a camera path of this wavelength. Both weights have
-    /// the color of their wavelength. The factor replaces the photon's color by a kernel, which is 0 unless the cumulative
-    /// probabilities of both differ by at most `Self::MERGED`. The mean over the photon's wavelength of the factor times
-    /// its color is 1.
-    /// theory.md (47l)
-    pub fn merge_factor(self, photon: Self) -> Rgb {
-        let [own, other] = [self, photon].map(|one| usize::from(one.0) - 1);
-        let Spectrum { middle, mergeable, .. } = &*SPECTRUM;
-        if (middle[own] - middle[other]).abs() > Self::MERGED {
-            return Rgb::ZERO;
+    /// Wavelengths whose cumulative probabilities differ from that of this one by at most half of `width`.
+    /// theory.md (47l): `h = width/2`.
+    pub fn neighbors(self, width: f64) -> Neighbors {
+        let Spectrum { cumulative, middle, .. } = &*SPECTRUM;
+        let own = usize::from(self.0) - 1;
+        let [low, high] = [middle[own] - 0.5 * width, middle[own] + 0.5 * width];
+        let first = middle.partition_point(|&other| other < low).min(own);
+        let end = middle.partition_point(|&other| other <= high).max(own + 1);
+        let before = if first > 0 { cumulative[first - 1] } else { 0.0 };
+        Neighbors {
+            first: first as u16 + 1,
+            last: end as u16,
+            prob: (cumulative[end - 1] - before) as f32,
         }
-        (mergeable[own] * photon.color()).recip()
     }
 
     /// Color of the wavelength in linear Rec. 709 over [`Self::prob`]. Its luminance is positive. Channels are negative
@@ -82,6 +80,37 @@ impl Wavelength {
     #[inline]
     pub fn color(self) -> Rgb {
         SPECTRUM.color[usize::from(self.0) - 1]
+    }
+}
+
+/// Consecutive wavelengths around one: see [`Wavelength::neighbors`].
+#[derive(Clone, Copy, Debug)]
+pub struct Neighbors {
+    first: u16,
+    last: u16,
+    prob: f32,
+}
+
+impl Neighbors {
+    /// Probability with which [`Wavelength::sample`] draws one of them.
+    #[inline]
+    pub fn prob(&self) -> f32 {
+        self.prob
+    }
+
+    /// Tests whether a wavelength is one of them.
+    #[inline]
+    pub fn contains(&self, wavelength: Wavelength) -> bool {
+        (self.first..=self.last).contains(&wavelength.0)
+    }
+
+    /// Factor of a merge of a photon of the wavelength `photon` with a camera path whose neighbors these are. Both weights
+    /// have the color of their wavelength. The factor replaces the photon's color by a kernel, which is 0 unless the
+    /// photon is one of the neighbors. The mean over the photon's wavelength of the factor times its color is 1.
+    /// theory.md (47l)
+    #[inline]
+    pub fn merge_factor(&self, photon: Wavelength) -> Rgb {
+        if self.contains(photon) { (self.prob * photon.color()).recip() } else { Rgb::ZERO }
     }
 }
 
@@ -99,8 +128,6 @@ struct Spectrum {
     cumulative: Vec<f64>,
     /// Sums of the probabilities up to the middle of each wavelength.
     middle: Vec<f64>,
-    /// Probability of the wavelengths that merge with each.
-    mergeable: Vec<f32>,
 }
 
 static SPECTRUM: LazyLock<Spectrum> = LazyLock::new(|| {
@@ -121,12 +148,7 @@ static SPECTRUM: LazyLock<Spectrum> = LazyLock::new(|| {
         .collect();
     let middle: Vec<f64> =
         cumulative.iter().zip(&probs).map(|(end, prob)| end - 0.5 * prob).collect();
-    let mergeable = |own: &f64| {
-        let near = middle.iter().map(|other| (own - other).abs() <= Wavelength::MERGED);
-        near.zip(&probs).filter(|(near, _)| *near).map(|(_, prob)| prob).sum::<f64>() as f32
-    };
     Spectrum {
-        mergeable: middle.iter().map(mergeable).collect(),
         middle,
         cumulative,
         color: shares.iter().zip(&probs).map(|(share, prob)| (share / *prob).as_vec3()).collect(),
@@ -301,20 +323,29 @@ mod tests {
 
     #[test]
     fn mean_merge_factor_over_the_photons_wavelength_is_1() {
-        for own in [1, 10, 300, 512, 1000, 1023] {
-            let own = Wavelength::from_index(own).unwrap();
+        for (own, width) in [1, 10, 300, 512, 1000, 1023].into_iter().flat_map(|own| {
+            [1e-9, 0.003, 0.06, 0.5, 1.0].map(|width| (Wavelength::from_index(own).unwrap(), width))
+        }) {
+            let near = own.neighbors(width);
+            assert!(near.contains(own));
             let mean: DVec3 = Wavelength::all()
                 .map(|photon| {
-                    (photon.prob() * photon.color() * own.merge_factor(photon)).as_dvec3()
+                    (photon.prob() * photon.color() * near.merge_factor(photon)).as_dvec3()
                 })
                 .sum();
-            assert!((mean - DVec3::ONE).abs().max_element() < 1e-5, "{own:?}: {mean}");
+            assert!((mean - DVec3::ONE).abs().max_element() < 1e-5, "{own:?} {width}: {mean}");
+            let prob: f64 =
+                Wavelength::all().filter(|w| near.contains(*w)).map(|w| f64::from(w.prob())).sum();
+            assert!((prob / f64::from(near.prob()) - 1.0).abs() < 1e-5, "{own:?} {width}: {prob}");
         }
+        let middle = Wavelength::from_index(480).unwrap();
+        assert!((middle.neighbors(0.3).prob() - 0.3).abs() < 5e-3);
         // Half widths of the kernel, nm, at green, and toward the ends, where the eye sees little.
         let reach = |nanometers: f64| {
             let near = |w: &Wavelength| (w.nanometers() - nanometers).abs();
             let own = Wavelength::all().min_by(|a, b| near(a).total_cmp(&near(b))).unwrap();
-            let all = Wavelength::all().filter(|other| own.merge_factor(*other) != Rgb::ZERO);
+            let near = own.neighbors(0.06);
+            let all = Wavelength::all().filter(|other| near.merge_factor(*other) != Rgb::ZERO);
             let merged: Vec<f64> = all.map(Wavelength::nanometers).collect();
             [nanometers - merged[0], merged[merged.len() - 1] - nanometers]
         };
@@ -324,7 +355,7 @@ mod tests {
         }
         // Factors are bounded, so that rare wavelengths do not become outliers.
         for own in Wavelength::all() {
-            let factor = (own.merge_factor(own) * own.color()).x;
+            let factor = (own.neighbors(0.06).merge_factor(own) * own.color()).x;
             assert!((15.0..35.0).contains(&factor), "{own:?}: {factor}");
         }
     }

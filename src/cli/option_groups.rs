@@ -50,6 +50,7 @@ const GROUPS: &[Group] = &[
             "caustic_radius",
             "medium_scale",
             "medium_query",
+            "wavelength_width",
             "kernel",
             "bias",
             "direct",

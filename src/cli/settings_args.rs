@@ -31,6 +31,9 @@ pub struct SettingsArgs {
     /// Merge photons in media around points, or along segments of camera paths [default: beams]
     #[arg(long, value_parser = word::<MediumQuery>(MEDIUM_QUERY))]
     pub medium_query: Option<MediumQuery>,
+    /// Merge wavelengths within a share F of the spectrum [default: 0.06]
+    #[arg(long, value_name = "F")]
+    pub wavelength_width: Option<f64>,
     /// Keep or reduce the merge bias [default: reduce if radii are chosen, else keep]
     #[arg(long, value_parser = word::<Bias>(BIAS))]
     pub bias: Option<Bias>,
@@ -101,6 +104,7 @@ impl From<&SettingsArgs> for PartialSettings {
             caustic_radius: args.caustic_radius,
             medium_scale: args.medium_scale,
             medium_query: args.medium_query,
+            wavelength_width: args.wavelength_width,
             bias: args.bias,
             kernel: args.kernel,
             merge_vertex: args.merge_vertex,

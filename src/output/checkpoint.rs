@@ -265,6 +265,7 @@ mod tests {
             caustic_radius: 0.1,
             medium_scale: 4.0,
             medium_query: MediumQuery::Points,
+            wavelength_width: 0.06,
             kernel: Kernel::Area,
             merge_vertex: 2,
             strategy: Strategy::Single,

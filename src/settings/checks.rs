@@ -155,6 +155,23 @@ pub(super) fn check_medium_scale(&scale: &f64) -> Result<()> {
     ))
 }
 
+/// The built-in [`Settings::wavelength_width`](super::Settings::wavelength_width).
+pub const DEFAULT_WAVELENGTH_WIDTH: f64 = 0.06;
+
+/// Range of the share of the spectrum within which wavelengths merge.
+const WAVELENGTH_WIDTHS: std::ops::RangeInclusive<f64> = 0.001..=1.0;
+
+pub(super) fn check_wavelength_width(&width: &f64) -> Result<()> {
+    if WAVELENGTH_WIDTHS.contains(&width) {
+        return Ok(());
+    }
+    let (least, most) = (WAVELENGTH_WIDTHS.start(), WAVELENGTH_WIDTHS.end());
+    Err(Error::new(
+        format!("wavelengths merge within {width} of the spectrum"),
+        format!("give a share from {least} to {most}, such as {DEFAULT_WAVELENGTH_WIDTH}"),
+    ))
+}
+
 pub(super) fn check_merge_vertex(&vertex: &u32) -> Result<()> {
     if (1..=255).contains(&vertex) {
         return Ok(());

@@ -7,10 +7,10 @@ mod length;
 pub mod provenance;
 mod table;
 
-pub use checks::MAX_LIGHT_PATHS;
 pub(crate) use checks::{
     ADVICE, as_serde, check_camera_paths, check_light_paths, check_whole_sets,
 };
+pub use checks::{DEFAULT_WAVELENGTH_WIDTH, MAX_LIGHT_PATHS};
 pub use crop::Crop;
 pub(crate) use fixed_array::FixedArray;
 pub use length::Length;

@@ -3,11 +3,12 @@
 use super::checks::{
     as_serde, check_camera_paths, check_guide, check_light_paths, check_light_visibility,
     check_medium_scale, check_merge_vertex, check_radius, check_resolution, check_sobol_set,
-    check_splitting, check_strategy, check_unweighted, check_whole_sets, checked,
+    check_splitting, check_strategy, check_unweighted, check_wavelength_width, check_whole_sets,
+    checked,
 };
 use super::fixed_array::FixedArray;
 use super::{Bias, Crop, Direct, Kernel, Length, MediumQuery, MisScales, Strategy};
-use super::{MAX_LIGHT_PATHS, crop};
+use super::{DEFAULT_WAVELENGTH_WIDTH, MAX_LIGHT_PATHS, crop};
 use crate::base::error::Result;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -189,6 +190,10 @@ settings! {
     /// Where photons in media are merged: around points of camera paths, or along their segments.
     medium_query: MediumQuery as MediumQuery = MediumQuery::default(), any;
 
+    /// Share of the spectrum within which photons merge with camera paths, where both have a wavelength.
+    #[serde(deserialize_with = "read::wavelength_width")]
+    wavelength_width: f64 as f64 = DEFAULT_WAVELENGTH_WIDTH, check_wavelength_width;
+
     /// Treatment of the merge bias.
     bias: Bias as Bias = Bias::default(), any;
 
@@ -258,6 +263,7 @@ mod read {
         light_paths: u32, check_light_paths;
         camera_paths: u32, check_camera_paths;
         medium_scale: f64, check_medium_scale;
+        wavelength_width: f64, check_wavelength_width;
         merge_vertex: u32, check_merge_vertex;
         guide: u32, check_guide;
         sobol_set: u32, check_sobol_set;
@@ -355,6 +361,7 @@ mod tests {
             caustic_radius: 0.125,
             medium_scale: 2.0,
             medium_query: MediumQuery::Beams,
+            wavelength_width: 0.06,
             bias: Bias::Keep,
             kernel: Kernel::Area,
             merge_vertex: 2,
@@ -388,6 +395,7 @@ mod tests {
             caustic_radius: Some(Length::Share(0.25)),
             medium_scale: Some(3.0),
             medium_query: Some(MediumQuery::Points),
+            wavelength_width: Some(0.5),
             bias: Some(Bias::Reduce),
             kernel: Some(Kernel::Disc),
             merge_vertex: Some(12),

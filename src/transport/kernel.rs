@@ -4,7 +4,8 @@ use super::area::{Areas, PointAreas, Query, admission};
 use super::gather::GatherPacket;
 use super::photon::{Photon, PhotonClass, PhotonSide};
 use super::photon_map::MergeQuery;
-use crate::base::math::disc_area;
+use crate::base::math::{Rgb, disc_area};
+use crate::base::spectrum::{Neighbors, Wavelength};
 use crate::scene::diffuse::TriangleSide;
 use crate::settings::{self, Settings};
 use crate::simd::{LANES, Mask, Vec3s};
@@ -89,6 +90,72 @@ pub struct MergeKernel<'a> {
     areas: Option<&'a Areas>,
     /// Photon classes with nested radii. For a class without them the nested radii equal the merge radius.
     nests: ByClass<bool>,
+    /// Wavelengths that merge, where photons and camera paths have one.
+    pub(super) wavelengths: WavelengthKernel,
+}
+
+/// A constant kernel over the wavelengths of photons, for camera paths that have a wavelength: theory.md (47l).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct WavelengthKernel {
+    /// Share of the spectrum within which wavelengths merge.
+    width: f64,
+    /// The width at the nested radii, in the order of theory.md (68).
+    nested: [f64; 2],
+}
+
+/// The kernel over wavelengths around that of a camera path.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PathWavelengths {
+    whole: Neighbors,
+    nested: [Neighbors; 2],
+}
+
+/// Factors of the merge of a photon with a camera path by their wavelengths.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct WavelengthFactors {
+    /// Factor of the photon's flux.
+    pub flux: Rgb,
+    /// The kernels over wavelengths at the nested radii, over the kernel at the merge radii.
+    pub nested: [f32; 2],
+}
+
+impl WavelengthFactors {
+    /// Factors where the photon or the camera path stands for all wavelengths.
+    pub const ALL: Self = Self { flux: Rgb::ONE, nested: [1.0; 2] };
+}
+
+impl WavelengthKernel {
+    fn new(width: f64) -> Self {
+        Self { width, nested: NESTED.map(|share| width * f64::from(share)) }
+    }
+
+    /// The kernel of the same width at the nested radii.
+    fn without_nested(self) -> Self {
+        Self { nested: [self.width; 2], ..self }
+    }
+
+    /// The kernel around a wavelength.
+    pub fn around(&self, own: Wavelength) -> PathWavelengths {
+        PathWavelengths {
+            whole: own.neighbors(self.width),
+            nested: self.nested.map(|width| own.neighbors(width)),
+        }
+    }
+}
+
+impl PathWavelengths {
+    /// Factors of a photon; `None` if it does not merge.
+    #[inline]
+    pub fn factors(&self, photon: &Photon) -> Option<WavelengthFactors> {
+        let Some(wavelength) = photon.wavelength() else { return Some(WavelengthFactors::ALL) };
+        self.whole.contains(wavelength).then(|| WavelengthFactors {
+            flux: self.whole.merge_factor(wavelength),
+            nested: self.nested.map(|nested| {
+                let inside = nested.contains(wavelength);
+                if inside { self.whole.prob() / nested.prob() } else { 0.0 }
+            }),
+        })
+    }
 }
 
 /// Nested radii over the merge radius.
@@ -131,12 +198,11 @@ impl<'a> MergeKernel<'a> {
     /// # Panics
     /// If the settings ask for areas and `areas` is `None`.
     pub fn new(settings: &Settings, areas: Option<&'a Areas>) -> Self {
-        let radii = [settings.caustic_radius, settings.radius];
+        let wavelengths = WavelengthKernel::new(settings.wavelength_width);
+        let discs = Self { wavelengths, ..Self::discs([settings.caustic_radius, settings.radius]) };
         match settings.kernel {
-            settings::Kernel::Disc => Self::discs(radii),
-            settings::Kernel::Area => {
-                Self { areas: Some(areas.expect("areas")), ..Self::discs(radii) }
-            }
+            settings::Kernel::Disc => discs,
+            settings::Kernel::Area => Self { areas: Some(areas.expect("areas")), ..discs },
         }
     }
 
@@ -146,13 +212,13 @@ impl<'a> MergeKernel<'a> {
     pub fn with_nested_class(self, class: PhotonClass) -> Self {
         let mut nests = [false; 2];
         nests[class as usize] = true;
-        Self { nests, ..self }
+        Self { nests, wavelengths: self.wavelengths.without_nested(), ..self }
     }
 
     /// The kernel whose nested radii are the radii themselves.
     #[must_use]
     pub fn without_nested_radii(self) -> Self {
-        Self { nests: [false; 2], ..self }
+        Self { nests: [false; 2], wavelengths: self.wavelengths.without_nested(), ..self }
     }
 
     /// The kernel for diffuse photons as the kernel of all: for maps without caustic photons, where it takes one
@@ -167,9 +233,10 @@ impl<'a> MergeKernel<'a> {
         Self::discs([radius; 2])
     }
 
-    /// Discs of these radii.
+    /// Discs of these radii, with the built-in width of wavelengths.
     pub fn discs(radii: ByClass<f32>) -> Self {
-        Self { radii, areas: None, nests: [true; 2] }
+        let wavelengths = WavelengthKernel::new(settings::DEFAULT_WAVELENGTH_WIDTH);
+        Self { radii, areas: None, nests: [true; 2], wavelengths }
     }
 
     /// The larger merge radius, scene units: photons are looked up within it.

@@ -1,6 +1,6 @@
 //! The merge kernel in media: a ball around a point, or a disc across a segment.
 
-use super::kernel::{ByClass, MergeKernel, NESTED};
+use super::kernel::{ByClass, MergeKernel, NESTED, WavelengthKernel};
 use super::photon::PhotonClass;
 use super::room::Room;
 use crate::base::math::{ball_volume, disc_area};
@@ -21,6 +21,8 @@ pub struct MediumKernel {
     pub inverse_size: ByClass<f32>,
     /// The kernels at the nested radii over the kernels at the radii.
     pub nested: [ByClass<f32>; 2],
+    /// Wavelengths that merge, where photons and camera paths have one.
+    pub(super) wavelengths: WavelengthKernel,
 }
 
 impl MediumKernel {
@@ -43,6 +45,7 @@ impl MediumKernel {
             nested2: nested.map(square),
             inverse_size: radii.map(|radius| size(radius).recip()),
             nested: [over(&nested[0]), over(&nested[1])],
+            wavelengths: at_surfaces.wavelengths,
         }
     }
 

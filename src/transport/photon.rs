@@ -1,6 +1,7 @@
 //! Photons: the records of light paths at the surfaces where they arrive.
 
 use crate::base::math::{Bounds, Rgb, pack_direction, unpack_direction};
+use crate::base::spectrum::Wavelength;
 use crate::simd::dispatch::{Simd, for_each_row};
 use crate::simd::{LANES, Vec3s};
 use bytemuck::{Pod, Zeroable};
@@ -240,11 +241,11 @@ impl Photon {
         unpack_direction(self.from)
     }
 
-    /// Index of the wavelength in dispersive scenes, 0 for none; meaningless in other scenes.
+    /// Wavelength in dispersive scenes, `None` for all wavelengths; meaningless in other scenes.
     #[inline]
-    pub(crate) fn wavelength_index(&self) -> u32 {
+    pub(crate) fn wavelength(&self) -> Option<Wavelength> {
         const LOW: u32 = (1 << WAVELENGTH_BITS) - 1;
-        self.from & LOW | (self.from >> 16 & LOW) << WAVELENGTH_BITS
+        Wavelength::from_index(self.from & LOW | (self.from >> 16 & LOW) << WAVELENGTH_BITS)
     }
 
     /// Dot product of `normal` with the normal on the side that it arrived on, 127 units long.
@@ -302,7 +303,7 @@ mod tests {
             let mut photon =
                 Photon::new(Vec3::ZERO, 0, Rgb::ONE, Vec3::Z, PhotonClass::Caustic).coming_from(w);
             photon.from = pack_wavelength(photon.from, index);
-            assert_eq!(photon.wavelength_index(), index);
+            assert_eq!(photon.wavelength().map_or(0, Wavelength::index), index);
             // 31 of 32,767 units along each axis, by at most sqrt(3) sqrt(6) on the sphere
             assert!(unpack_direction(photon.from).distance(w) < 4.1e-3, "{index}");
         }

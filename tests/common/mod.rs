@@ -161,6 +161,7 @@ pub fn settings(width: u32, height: u32) -> Settings {
         caustic_radius: 0.1,
         medium_scale: 4.0,
         medium_query: MediumQuery::Points,
+        wavelength_width: 0.06,
         bias: Bias::Keep,
         kernel: Kernel::Disc,
         merge_vertex: 1,

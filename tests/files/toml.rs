@@ -106,6 +106,7 @@ fn cornell_box_has_the_dimensions_of_the_paper() {
         caustic_radius: None,
         medium_scale: None,
         medium_query: None,
+        wavelength_width: None,
         bias: None,
         kernel: None,
         merge_vertex: Some(2),

@@ -22,7 +22,7 @@ fn medium(name: &str) -> RefractiveIndex {
 }
 
 /// Glass of this medium in air.
-fn glass(inside: RefractiveIndex) -> Material {
+pub fn glass(inside: RefractiveIndex) -> Material {
     let bsdf = Bsdf::Dielectric(Dielectric::new(inside.at_d() as f32));
     let dispersion = Dispersion::new(inside, RefractiveIndex::Constant(1.0)).map(Arc::new);
     Material { dispersion, ..Material::new("glass", bsdf) }

@@ -32,3 +32,4 @@ mod reference;
 mod scenes;
 mod textured_light;
 mod textures;
+mod wavelength_width;

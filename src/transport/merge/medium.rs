@@ -1,7 +1,7 @@
 //! Merging in media: photons within a ball around points of camera paths, or along their segments.
 
 use super::super::camera_paths::{CameraPaths, MediumBeam, MediumPoint};
-use super::super::kernel::ByClass;
+use super::super::kernel::{ByClass, PathWavelengths, WavelengthFactors};
 use super::super::medium_kernel::MediumKernel;
 use super::super::medium_photons::MediumPhotons;
 use super::super::pair_list::{Pair, PairList};
@@ -11,7 +11,6 @@ use super::super::photon_tree::Segment;
 use super::super::room::Room;
 use super::{Merge, PathSums};
 use crate::base::math::{LUMINANCE, Rgb};
-use crate::base::spectrum::Wavelength;
 use crate::scene::henyey_greenstein;
 use crate::simd::dispatch::vectorized;
 use crate::simd::{LANES, Vec3s};
@@ -107,25 +106,22 @@ impl Merge<'_> {
 }
 
 impl Merged {
-    /// Adds the light of a photon. `inside` tells whether it is within the nested radii, and `nested` are the kernels at
-    /// these over the kernel at the radius, in the order of theory.md (68).
+    /// Adds the light of a photon. `nested` are the kernels at the nested radii over the kernel at the radius, in the
+    /// order of theory.md (68), and 0 where the photon is outside.
     fn add<const PAIRS: bool>(
         &mut self,
         photon: &Photon,
         light: Rgb,
-        inside: [bool; 2],
         nested: [f32; 2],
         pairs: &mut PairList,
     ) {
         let of = photon.class() as usize;
         self.all[of] += light;
-        if inside[1] {
-            self.inner[of] += light * nested[1];
-        }
+        self.inner[of] += light * nested[1];
         if PAIRS {
             let value = LUMINANCE.dot(light);
             // theory.md (68)
-            let [inner, core] = from_fn(|at| if inside[at] { nested[at] * value } else { 0.0 });
+            let [inner, core] = nested.map(|nested| nested * value);
             self.nested[0] += value - inner;
             self.nested[1] += inner - core;
             pairs.space(self.pairs + 1)[self.pairs] = Pair { light_path: photon.path, value };
@@ -134,12 +130,10 @@ impl Merged {
     }
 }
 
-/// Factor of a merge of a camera path and a photon with wavelengths: theory.md (47l).
-fn across_wavelengths(own: Option<Wavelength>, photon: &Photon) -> Rgb {
-    match (own, Wavelength::from_index(photon.wavelength_index())) {
-        (Some(own), Some(other)) => own.merge_factor(other),
-        _ => Rgb::ONE,
-    }
+/// Factors of a photon by its wavelength and the kernel of a camera path, if that has one; `None` if they do not merge.
+fn factors(own: Option<&PathWavelengths>, photon: &Photon) -> Option<WavelengthFactors> {
+    // theory.md (47l)
+    own.map_or(Some(WavelengthFactors::ALL), |own| own.factors(photon))
 }
 
 impl MediumMerge<'_> {
@@ -153,8 +147,9 @@ impl MediumMerge<'_> {
         ranges: &[Range],
         pairs: &mut PairList,
     ) -> Merged {
-        let MediumKernel { radius2, nested2, inverse_size, nested, .. } =
+        let MediumKernel { radius2, nested2, inverse_size, nested, wavelengths, .. } =
             &self.kernel.cut_by(&point.room);
+        let wavelengths = point.wavelength.map(|own| wavelengths.around(own));
         let mut found = Merged::default();
         self.photons.map().for_each_in(ranges, point.position, |photon, distance2, _| {
             let of = photon.class() as usize;
@@ -165,11 +160,14 @@ impl MediumMerge<'_> {
                 return;
             }
             let cos = photon.direction().dot(point.direction);
+            let Some(by_wavelength) = factors(wavelengths.as_ref(), photon) else { return };
             let kernel = henyey_greenstein(point.asymmetry, cos) * inverse_size[of];
-            let kernel = kernel * across_wavelengths(point.wavelength, photon);
-            let light = point.weight * photon.flux * kernel;
-            let inside = [0, 1].map(|at| distance2 <= nested2[at][of]);
-            found.add::<PAIRS>(photon, light, inside, [0, 1].map(|at| nested[at][of]), pairs);
+            let light = point.weight * photon.flux * kernel * by_wavelength.flux;
+            let nested = from_fn(|at| {
+                let is_inside = distance2 <= nested2[at][of];
+                if is_inside { nested[at][of] * by_wavelength.nested[at] } else { 0.0 }
+            });
+            found.add::<PAIRS>(photon, light, nested, pairs);
         });
         found
     }
@@ -185,6 +183,7 @@ impl MediumMerge<'_> {
     ) -> Merged {
         let (tree, mut found) = (self.photons.tree(), Merged::default());
         let radius = self.kernel.radius();
+        let wavelengths = beam.wavelength.map(|own| self.kernel.wavelengths.around(own));
         vectorized(
             #[inline(always)]
             |_| {
@@ -192,7 +191,8 @@ impl MediumMerge<'_> {
                     let photon = &tree.photons()[index];
                     if is_last || photon.class() == PhotonClass::Caustic {
                         let room = self.photons.room(index);
-                        self.merge_at_foot::<PAIRS>(beam, photon, along, room, &mut found, pairs);
+                        let around = (room, wavelengths.as_ref());
+                        self.merge_at_foot::<PAIRS>(beam, photon, along, around, &mut found, pairs);
                     }
                 });
             },
@@ -207,7 +207,7 @@ impl MediumMerge<'_> {
         beam: &MediumBeam,
         photon: &Photon,
         along: f32,
-        room: Option<&Room>,
+        (room, wavelengths): (Option<&Room>, Option<&PathWavelengths>),
         found: &mut Merged,
         pairs: &mut PairList,
     ) {
@@ -218,21 +218,24 @@ impl MediumMerge<'_> {
         if distance2 > self.kernel.radius2[of] {
             return;
         }
-        let mut kernel = self.kernel;
-        if let Some(room) = room {
-            if !room.contains(offset) {
-                return;
+        let cut;
+        let MediumKernel { nested2, inverse_size, nested, .. } = match room {
+            None => &self.kernel,
+            Some(room) if !room.contains(offset) => return,
+            Some(room) => {
+                cut = self.kernel.cut_across(room, offset, direction);
+                &cut
             }
-            kernel = kernel.cut_across(room, offset, direction);
-        }
-        let MediumKernel { nested2, inverse_size, nested, .. } = &kernel;
+        };
+        let Some(by_wavelength) = factors(wavelengths, photon) else { return };
         let cos = photon.direction().dot(direction);
-        let factor = henyey_greenstein(beam.asymmetry, cos)
-            * inverse_size[of]
-            * across_wavelengths(beam.wavelength, photon);
+        let factor = henyey_greenstein(beam.asymmetry, cos) * inverse_size[of];
         let transmittance = (-beam.extinction * along).exp();
-        let light = beam.weight * photon.flux * transmittance * factor;
-        let inside = [0, 1].map(|at| distance2 <= nested2[at][of]);
-        found.add::<PAIRS>(photon, light, inside, [0, 1].map(|at| nested[at][of]), pairs);
+        let light = beam.weight * photon.flux * transmittance * factor * by_wavelength.flux;
+        let nested = from_fn(|at| {
+            let is_inside = distance2 <= nested2[at][of];
+            if is_inside { nested[at][of] * by_wavelength.nested[at] } else { 0.0 }
+        });
+        found.add::<PAIRS>(photon, light, nested, pairs);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::super::camera_paths::CameraPaths;
 use super::super::gather::GatherPoint;
-use super::super::kernel::Admission;
+use super::super::kernel::{Admission, WavelengthFactors};
 use super::super::mis::merge_weights::{CutWeights, MergedPhoton, VertexWeights};
 use super::super::pair_list::{Pair, PairList};
 use super::super::photon::PhotonClass;
@@ -11,7 +11,6 @@ use super::super::photon_map::{
 };
 use super::{Batch, Merge};
 use crate::base::math::{LUMINANCE, Rgb};
-use crate::base::spectrum::Wavelength;
 use crate::simd::eight::Eight;
 
 impl Merge<'_> {
@@ -104,23 +103,20 @@ impl Merge<'_> {
         let (mut sums, mut nested, mut count) = (MergedFlux::default(), [0.0; 2], 0);
         let Admission { nested2, .. } = self.admission;
         let mis = self.options.mis.map(|mis| (mis, paths.gather_points.mis_partials(number)));
+        let wavelengths = point.wavelength.map(|own| self.kernel.wavelengths.around(own));
         self.map.for_each_in(search.ranges, point.position, |photon, distance2, mis_partials| {
             let class = photon.class();
             let counts =
                 search.query.kind.all_classes() || mis.is_some() || class == PhotonClass::Caustic;
             let min_radius2 = self.admission.min_radius2(photon, distance2, point.position);
             if counts && self.admission.admits(photon, min_radius2, search.query) {
-                let mut flux = photon.flux;
-                if let Some(own) = point.wavelength
-                    && let Some(other) = Wavelength::from_index(photon.wavelength_index())
-                {
-                    // theory.md (47l)
-                    let factor = own.merge_factor(other);
-                    if factor == Rgb::ZERO {
-                        return;
-                    }
-                    flux *= factor;
-                }
+                // theory.md (47l)
+                let factors = match &wavelengths {
+                    Some(near) => near.factors(photon),
+                    None => Some(WavelengthFactors::ALL),
+                };
+                let Some(by_wavelength) = factors else { return };
+                let mut flux = photon.flux * by_wavelength.flux;
                 if let Some(view) = view {
                     // theory.md (46)
                     let wi = photon.from_as_at(point.normal);
@@ -134,7 +130,7 @@ impl Merge<'_> {
                 }
                 sums.all[self.admission.sum_of(class)] += flux;
                 if min_radius2 <= nested2[1][class as usize] {
-                    sums.inner[self.admission.sum_of(class)] += flux;
+                    sums.inner[self.admission.sum_of(class)] += flux * by_wavelength.nested[1];
                 }
                 if PAIRS {
                     let class = class as usize;
@@ -142,7 +138,8 @@ impl Merge<'_> {
                     // theory.md (68)
                     let [inner, core] = [0, 1].map(|at| {
                         let inside = min_radius2 <= nested2[at][class];
-                        if inside { kernel.nested[at][class] * value } else { 0.0 }
+                        let nested = kernel.nested[at][class] * by_wavelength.nested[at];
+                        if inside { nested * value } else { 0.0 }
                     });
                     nested[0] += value - inner;
                     nested[1] += inner - core;
