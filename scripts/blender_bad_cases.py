@@ -196,6 +196,22 @@ def missing_texture(scene, folder):
 
 
 @case
+def wrong_abbe_numbers(scene, folder):
+    """Each is reported and left out; numbers of the right kind are taken as they are."""
+    for number, (abbe, is_glass) in enumerate((("dense", True), (1.0, True), (40, False), (64, True), (26.5, True))):
+        look = elements.shader("ShaderNodeBsdfGlass")[0] if is_glass else elements.chalk()
+        look.name, look["abbe"] = f"look {number}", abbe
+        elements.ball(look).location.x = 3 * number
+    elements.floor()
+    elements.camera()
+    elements.light("POINT")
+    remarks = works(scene, folder).remarks
+    for number, words in enumerate(("not a number", "not a number", "it is not glass")):
+        assert any(f"look {number}" in line and words in line for line in remarks), (number, remarks)
+    assert not any(f"look {number}" in line for number in (3, 4) for line in remarks), remarks
+
+
+@case
 def missing_ies_files(scene, folder):
     """A file that is not there, a text that is no IES file, and neither: each is named, and the light still shines."""
     elements.stage()

@@ -51,6 +51,16 @@ single(
 )
 single("glass shader", "ShaderNodeBsdfGlass", Color=(1, 1, 1, 1), Roughness=0.0, IOR=1.45)
 single("glass shader rough", "ShaderNodeBsdfGlass", Color=(1, 1, 1, 1), Roughness=0.3, IOR=1.45, distribution="GGX")
+
+
+@element("material glass abbe", 0.01, False)
+def _(scene):
+    """Cycles has no dispersion, which moves colors but leaves the means of the image."""
+    look = shader("ShaderNodeBsdfGlass", Color=(1, 1, 1, 1), Roughness=0.0, IOR=1.5)[0]
+    look["abbe"] = 20.0
+    lit(look)
+
+
 GREEN = (0.6, 0.9, 0.7, 1)
 single("glass shader tinted", "ShaderNodeBsdfGlass", 0.03, reported=True, Color=GREEN, Roughness=0.0, IOR=1.45)
 single("refraction", "ShaderNodeBsdfRefraction", 0.05, reported=True, Color=(1, 1, 1, 1), Roughness=0.0, IOR=1.45)
