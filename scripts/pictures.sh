@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Makes the pictures of the documentation in docs/pictures, as JPEG files of at most 400 KB.
 #
-#   scripts/pictures.sh            all of them: about 80 minutes on two cores
+#   scripts/pictures.sh            all of them: about 90 minutes on two cores
 #   scripts/pictures.sh NAME...    only these; each takes at most 15 minutes
 #
 # Set SECONDS_EACH=5 for a quick trial: then no render takes longer than that. OUT=FOLDER writes to another
@@ -76,6 +76,8 @@ make_picture() {
         materials) single materials materials 400 --resolution 1440x810 ;;
         caustic-sphere) single caustic-sphere caustic-sphere 300 --resolution 800x800 ;;
         smoke) denoised smoke smoke 200 --resolution 512x512 ;;
+        prism) denoised prism prism 240 --resolution 1600x1200 --caustic-radius 0.005 ;;
+        diamond-ring) denoised diamond-ring diamond-ring 300 --resolution 1600x1200 --strategy mis ;;
         cornell-box) single cornell-box cornell-box 60 --resolution 512x512 ;;
         # Equal time against path tracing; a path tracer cannot sample the lights of point-caustic at all.
         equal-time-caustic) equal_time equal-time-caustic caustic-sphere 30 300 --resolution 512x512 ;;
@@ -133,8 +135,8 @@ make_picture() {
     esac
 }
 
-all=(point-caustic hall objective daylight materials caustic-sphere smoke cornell-box equal-time-caustic
-    equal-time-keyhole equal-time-daylight error-maps guides caustic-radii denoising report
+all=(point-caustic hall objective daylight materials caustic-sphere smoke prism diamond-ring cornell-box
+    equal-time-caustic equal-time-keyhole equal-time-daylight error-maps guides caustic-radii denoising report
     volume-caustics)
 [ $# -gt 0 ] || set -- "${all[@]}"
 for name; do
