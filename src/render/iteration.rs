@@ -79,7 +79,9 @@ impl Renderer {
 
     fn medium_kernel(&self) -> MediumKernel {
         let at_surfaces = match self.config.nested_part {
-            Some(NestedPart::Media) => MergeKernel::new(&self.settings, self.areas.as_deref()),
+            Some(NestedPart::Media) => {
+                MergeKernel::new(&self.settings, self.areas.as_deref()).without_nested_width()
+            }
             _ => self.kernel(),
         };
         MediumKernel::new(&at_surfaces, &self.settings)

@@ -212,13 +212,19 @@ impl<'a> MergeKernel<'a> {
     pub fn with_nested_class(self, class: PhotonClass) -> Self {
         let mut nests = [false; 2];
         nests[class as usize] = true;
-        Self { nests, wavelengths: self.wavelengths.without_nested(), ..self }
+        Self { nests, ..self.without_nested_width() }
     }
 
     /// The kernel whose nested radii are the radii themselves.
     #[must_use]
     pub fn without_nested_radii(self) -> Self {
-        Self { nests: [false; 2], wavelengths: self.wavelengths.without_nested(), ..self }
+        Self { nests: [false; 2], ..self.without_nested_width() }
+    }
+
+    /// The kernel whose width over wavelengths is the same at the nested radii.
+    #[must_use]
+    pub fn without_nested_width(self) -> Self {
+        Self { wavelengths: self.wavelengths.without_nested(), ..self }
     }
 
     /// The kernel for diffuse photons as the kernel of all: for maps without caustic photons, where it takes one
