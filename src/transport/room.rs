@@ -79,7 +79,7 @@ impl Room {
             return Self::default();
         }
         let mut room = Self::default();
-        room.cast(scene, accel, position, radius, &*RAYS);
+        room.cast(scene, accel, position, radius, &RAYS);
         // In a corner the nearest wall may hide the others from these rays. Rays along it find them.
         if let [nearest, ..] = room.planes() {
             let frame = Frame::new(nearest.truncate());
