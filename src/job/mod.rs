@@ -45,9 +45,9 @@ use crate::output::checkpoint::Checkpoint;
 use crate::output::denoise::ErrorSummary;
 use crate::render::block::Block;
 use crate::render::{RenderConfig, Renderer};
-use crate::scene::Scene;
 use crate::scene::backend;
 use crate::scene::backend::Backend;
+use crate::scene::{Media, Scene};
 use crate::settings::provenance::{Provenance, Reuse};
 use crate::settings::{PartialSettings, Settings};
 use crate::timing::{TimeModel, Timings};
@@ -374,6 +374,7 @@ impl RenderJob {
         let fixed = &self.settings;
         // Known times hold only for the settings that they were measured with.
         let any = self.times.is_none();
+        let in_media = any && self.scene.media().is_some_and(Media::any_scatters);
         let radius = any && fixed.radius.is_none();
         let caustic_radius = any && fixed.caustic_radius.is_none();
         FreeParameters {
@@ -382,8 +383,8 @@ impl RenderJob {
             kernel: any && fixed.kernel.is_none(),
             radius,
             caustic_radius,
-            medium_query: any && fixed.medium_query.is_none(),
-            medium_scale: any && fixed.medium_scale.is_none(),
+            medium_query: in_media && fixed.medium_query.is_none(),
+            medium_scale: in_media && fixed.medium_scale.is_none(),
             guide: any && fixed.guide.is_none(),
             sobol_set: any && fixed.sobol_set.is_none(),
             splitting: any && fixed.splitting.is_none(),

@@ -18,11 +18,20 @@ pub struct MediumKernel {
     /// Squares of the nested radii, in the order of theory.md (68).
     pub nested2: [ByClass<f32>; 2],
     /// Reciprocals of the volumes of balls, 1/scene units cubed, or of the areas of discs, 1/scene units squared.
-    pub inverse_size: ByClass<f32>,
+    inverse_size: ByClass<f32>,
     /// The kernels at the nested radii over the kernels at the radii.
-    pub nested: [ByClass<f32>; 2],
+    nested: [ByClass<f32>; 2],
     /// Wavelengths that merge, where photons and camera paths have one.
     pub(super) wavelengths: WavelengthKernel,
+}
+
+/// The kernel for photons of one class at one place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CutKernel {
+    /// Reciprocal of the volume of the ball, 1/scene units cubed, or of the area of the disc, 1/scene units squared.
+    pub inverse_size: f32,
+    /// The kernels at the nested radii over the kernel at the radius.
+    pub nested: [f32; 2],
 }
 
 impl MediumKernel {
@@ -56,30 +65,38 @@ impl MediumKernel {
         Self { radius2, ..self }
     }
 
-    /// The kernel where surfaces cut balls or discs: `share` is the part of one of a radius that they leave.
-    fn cut(&self, share: impl Fn(f32) -> f32) -> Self {
-        let share = |radius2: &ByClass<f32>| radius2.map(|radius2| share(radius2.max(0.0).sqrt()));
-        let whole = share(&self.radius2);
-        let inner = [share(&self.nested2[0]), share(&self.nested2[1])];
-        Self {
-            inverse_size: from_fn(|class| self.inverse_size[class] / whole[class]),
-            nested: from_fn(|at| {
-                from_fn(|class| self.nested[at][class] * whole[class] / inner[at][class])
-            }),
-            ..*self
+    /// The kernel for photons of a class where surfaces cut balls or discs: `share` is the part of one of a radius that
+    /// they leave.
+    fn cut(&self, class: usize, share: impl Fn(f32) -> f32) -> CutKernel {
+        let share = |radius2: f32| share(radius2.max(0.0).sqrt());
+        let whole = share(self.radius2[class]);
+        CutKernel {
+            inverse_size: self.inverse_size[class] / whole,
+            nested: from_fn(|at| self.nested[at][class] * whole / share(self.nested2[at][class])),
         }
     }
 
-    /// The kernel at a point whose surroundings cut the balls.
-    #[must_use]
-    pub(super) fn cut_by(&self, room: &Room) -> Self {
-        self.cut(|radius| room.share(radius))
+    /// The kernel for photons of a class that no surface cuts.
+    pub(super) fn whole(&self, class: usize) -> CutKernel {
+        let nested = self.nested.map(|nested| nested[class]);
+        CutKernel { inverse_size: self.inverse_size[class], nested }
     }
 
-    /// The kernel across a ray at this offset from the center of a room.
-    #[must_use]
-    pub(super) fn cut_across(&self, room: &Room, offset: Vec3, direction: Vec3) -> Self {
-        self.cut(|radius| room.disc_share(offset, direction, radius))
+    /// The kernels of the classes at a point whose surroundings cut the balls.
+    pub(super) fn cut_by(&self, room: &Room) -> ByClass<CutKernel> {
+        from_fn(|class| self.cut(class, |radius| room.share(radius)))
+    }
+
+    /// The kernel of a class across a ray at this offset from the center of a room.
+    pub(super) fn cut_across(
+        &self,
+        class: usize,
+        room: &Room,
+        offset: Vec3,
+        direction: Vec3,
+    ) -> CutKernel {
+        let disc = room.across(offset, direction);
+        self.cut(class, |radius| disc.share(radius))
     }
 
     /// The larger radius, scene units.

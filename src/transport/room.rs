@@ -9,7 +9,7 @@ use crate::accel::{Coherence, HitPacket, Intersect, Ray, RayPacket};
 use crate::base::math::Frame;
 use crate::scene::Scene;
 use crate::simd::LANES;
-use glam::{Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::{PI, TAU};
 use std::sync::LazyLock;
 
@@ -20,7 +20,7 @@ const MAX_PLANES: usize = 4;
 const DIRECTIONS: usize = 256;
 
 /// Number of directions in which a disc cut by several planes is measured.
-const ACROSS: usize = 64;
+const ACROSS: usize = 32;
 
 /// Length of the rays that find planes, over the distance of the farthest plane: a ray finds all planes to whose normal it
 /// is within 60 degrees, unless it meets another one before.
@@ -167,19 +167,43 @@ impl Room {
     }
 }
 
+/// Lines where planes cut the plane of a disc.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DiscCut {
+    /// Unit normals away from the center of the disc over distances from it, 1/scene unit.
+    lines: [Vec2; MAX_PLANES],
+    count: usize,
+}
+
+/// Unit vectors all around the center of a disc.
+static AROUND: LazyLock<[Vec2; ACROSS]> =
+    LazyLock::new(|| std::array::from_fn(|i| Vec2::from_angle(TAU * i as f32 / ACROSS as f32)));
+
 impl Room {
-    /// Area of a disc that the planes leave, over that of the whole disc. Its center is at `offset` from that of the
-    /// room, within the planes, and it is perpendicular to the unit vector `normal`.
-    /// theory.md (37n)
-    pub fn disc_share(&self, offset: Vec3, normal: Vec3, radius: f32) -> f32 {
-        // The planes' lines on the disc: unit normals away from its center times the reciprocal distances, in radii.
-        let (mut lines, mut cutting) = ([Vec3::ZERO; MAX_PLANES], 0);
+    /// The lines that cut discs around a point at `offset` from the center of the room, within the planes. The discs are
+    /// perpendicular to the unit vector `normal`.
+    pub fn across(&self, offset: Vec3, normal: Vec3) -> DiscCut {
+        let frame = Frame::new(normal);
+        let mut cut = DiscCut::default();
         for plane in self.planes() {
-            let along = plane.truncate() - plane.truncate().dot(normal) * normal;
-            let distance = (plane.w - plane.truncate().dot(offset)).max(1e-6 * radius);
+            let [x, y, _] = frame.to_local(plane.truncate()).to_array();
+            let distance = plane.w - plane.truncate().dot(offset);
+            cut.lines[cut.count] = Vec2::new(x, y) / distance.max(1e-9);
+            cut.count += 1;
+        }
+        cut
+    }
+}
+
+impl DiscCut {
+    /// Area of the disc of this radius that the lines leave, over that of the whole disc.
+    /// theory.md (37n)
+    pub fn share(&self, radius: f32) -> f32 {
+        let (mut lines, mut cutting) = ([Vec2::ZERO; MAX_PLANES], 0);
+        for line in self.lines[..self.count].iter().map(|line| radius * line) {
             // A line at least a radius away does not cut.
-            if radius * along.length() > distance {
-                lines[cutting] = along * (radius / distance);
+            if line.length_squared() > 1.0 {
+                lines[cutting] = line;
                 cutting += 1;
             }
         }
@@ -187,16 +211,13 @@ impl Room {
             [] => 1.0,
             [line] => 1.0 - segment(line.length_recip()),
             lines => {
-                let frame = Frame::new(normal);
-                let square = |i: usize| {
-                    let (sin, cos) = (TAU * i as f32 / ACROSS as f32).sin_cos();
-                    let direction = frame.to_world(Vec3::new(cos, sin, 0.0));
-                    let inverse =
-                        lines.iter().fold(1.0, |most: f32, line| most.max(line.dot(direction)));
-                    inverse.powi(-2)
+                let square = |direction: &Vec2| {
+                    lines
+                        .iter()
+                        .fold(1.0, |most: f32, line| most.max(line.dot(*direction)))
+                        .powi(-2)
                 };
-                let mean = (0..ACROSS).map(square).sum::<f32>() / ACROSS as f32;
-                mean.max(1e-3)
+                (AROUND.iter().map(square).sum::<f32>() / ACROSS as f32).max(1e-3)
             }
         }
     }
@@ -242,22 +263,22 @@ mod tests {
     fn shares_of_a_disc_are_those_of_its_segments() {
         let wall = room(&[[1.0, 0.0, 0.0, 0.5]]);
         // At the wall, half of a disc along it, and all of a disc parallel to it
-        assert!((wall.disc_share(0.5 * Vec3::X, Vec3::Z, 0.3) - 0.5).abs() < 1e-4);
-        assert_eq!(wall.disc_share(0.5 * Vec3::X, Vec3::X, 0.3), 1.0);
-        assert_eq!(wall.disc_share(Vec3::ZERO, Vec3::Z, 0.49), 1.0);
+        assert!((wall.across(0.5 * Vec3::X, Vec3::Z).share(0.3) - 0.5).abs() < 1e-4);
+        assert_eq!(wall.across(0.5 * Vec3::X, Vec3::X).share(0.3), 1.0);
+        assert_eq!(wall.across(Vec3::ZERO, Vec3::Z).share(0.49), 1.0);
         // At half a radius: 60 degrees to either side of the perpendicular
         let expected = 1.0 - (PI / 3.0 - 0.75f32.sqrt() / 2.0) / PI;
-        assert!((wall.disc_share(Vec3::ZERO, Vec3::Z, 1.0) - expected).abs() < 1e-6);
+        assert!((wall.across(Vec3::ZERO, Vec3::Z).share(1.0) - expected).abs() < 1e-6);
         // A disc tilted by 60 degrees meets the wall at twice the distance.
         let tilted = Vec3::new(0.75f32.sqrt(), 0.0, 0.5);
-        assert!((wall.disc_share(0.25 * Vec3::X, tilted, 1.0) - expected).abs() < 1e-6);
+        assert!((wall.across(0.25 * Vec3::X, tilted).share(1.0) - expected).abs() < 1e-6);
         // A corner at the center of the disc leaves a quarter.
         let corner = room(&[[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]);
-        assert!((corner.disc_share(Vec3::ZERO, Vec3::Z, 1.0) - 0.25).abs() < 0.02);
+        assert!((corner.across(Vec3::ZERO, Vec3::Z).share(1.0) - 0.25).abs() < 0.02);
         // Walls on both sides
         let slab = room(&[[1.0, 0.0, 0.0, 0.5], [-1.0, 0.0, 0.0, 0.25]]);
         let expected = 1.0 - segment(0.5) - segment(0.25);
-        assert!((slab.disc_share(Vec3::ZERO, Vec3::Y, 1.0) / expected - 1.0).abs() < 0.01);
+        assert!((slab.across(Vec3::ZERO, Vec3::Y).share(1.0) / expected - 1.0).abs() < 0.01);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::super::camera_paths::{CameraPaths, MediumBeam, MediumPoint};
 use super::super::kernel::{ByClass, PathWavelengths, WavelengthFactors};
-use super::super::medium_kernel::MediumKernel;
+use super::super::medium_kernel::{CutKernel, MediumKernel};
 use super::super::medium_photons::MediumPhotons;
 use super::super::pair_list::{Pair, PairList};
 use super::super::photon::{Photon, PhotonClass};
@@ -147,8 +147,8 @@ impl MediumMerge<'_> {
         ranges: &[Range],
         pairs: &mut PairList,
     ) -> Merged {
-        let MediumKernel { radius2, nested2, inverse_size, nested, wavelengths, .. } =
-            &self.kernel.cut_by(&point.room);
+        let MediumKernel { radius2, wavelengths, .. } = &self.kernel;
+        let kernels = self.kernel.cut_by(&point.room);
         let wavelengths = point.wavelength.map(|own| wavelengths.around(own));
         let mut found = Merged::default();
         self.photons.map().for_each_in(ranges, point.position, |photon, distance2, _| {
@@ -159,15 +159,17 @@ impl MediumMerge<'_> {
             if !(is_merged && is_inside) {
                 return;
             }
-            let cos = photon.direction().dot(point.direction);
             let Some(by_wavelength) = factors(wavelengths.as_ref(), photon) else { return };
-            let kernel = henyey_greenstein(point.asymmetry, cos) * inverse_size[of];
-            let light = point.weight * photon.flux * kernel * by_wavelength.flux;
-            let nested = from_fn(|at| {
-                let is_inside = distance2 <= nested2[at][of];
-                if is_inside { nested[at][of] * by_wavelength.nested[at] } else { 0.0 }
-            });
-            found.add::<PAIRS>(photon, light, nested, pairs);
+            let cos = photon.direction().dot(point.direction);
+            let light = henyey_greenstein(point.asymmetry, cos) * point.weight;
+            self.add::<PAIRS>(
+                photon,
+                light,
+                distance2,
+                (&kernels[of], by_wavelength),
+                &mut found,
+                pairs,
+            );
         });
         found
     }
@@ -218,23 +220,34 @@ impl MediumMerge<'_> {
         if distance2 > self.kernel.radius2[of] {
             return;
         }
-        let cut;
-        let MediumKernel { nested2, inverse_size, nested, .. } = match room {
-            None => &self.kernel,
+        let kernel = match room {
+            None => self.kernel.whole(of),
             Some(room) if !room.contains(offset) => return,
-            Some(room) => {
-                cut = self.kernel.cut_across(room, offset, direction);
-                &cut
-            }
+            Some(room) => self.kernel.cut_across(of, room, offset, direction),
         };
         let Some(by_wavelength) = factors(wavelengths, photon) else { return };
         let cos = photon.direction().dot(direction);
-        let factor = henyey_greenstein(beam.asymmetry, cos) * inverse_size[of];
         let transmittance = (-beam.extinction * along).exp();
-        let light = beam.weight * photon.flux * transmittance * factor * by_wavelength.flux;
+        let light = henyey_greenstein(beam.asymmetry, cos) * beam.weight * transmittance;
+        self.add::<PAIRS>(photon, light, distance2, (&kernel, by_wavelength), found, pairs);
+    }
+
+    /// Adds a photon at this squared distance whose flux has the factor `light` besides the kernels.
+    #[inline(always)] // part of the loops over photons
+    fn add<const PAIRS: bool>(
+        &self,
+        photon: &Photon,
+        light: Rgb,
+        distance2: f32,
+        (kernel, by_wavelength): (&CutKernel, WavelengthFactors),
+        found: &mut Merged,
+        pairs: &mut PairList,
+    ) {
+        let of = photon.class() as usize;
+        let light = light * photon.flux * by_wavelength.flux * kernel.inverse_size;
         let nested = from_fn(|at| {
-            let is_inside = distance2 <= nested2[at][of];
-            if is_inside { nested[at][of] * by_wavelength.nested[at] } else { 0.0 }
+            let is_inside = distance2 <= self.kernel.nested2[at][of];
+            if is_inside { kernel.nested[at] * by_wavelength.nested[at] } else { 0.0 }
         });
         found.add::<PAIRS>(photon, light, nested, pairs);
     }
