@@ -293,7 +293,7 @@ mod tests {
                 assert!(found.iter().all(may));
             }
         }
-        assert!(found_any > 1000, "{found_any}");
+        assert!(found_any > 100, "{found_any}");
     }
 
     #[test]
