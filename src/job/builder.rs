@@ -118,7 +118,8 @@ impl RenderJob {
         Self { schedule: MeasureSchedule::always(estimator), pixel_noise: true, ..self }
     }
 
-    /// Keeps the noise of each pixel instead of each tile, for [`RenderResult::noise_image`]. Path counts are then equal
+    /// Keeps the noise of each pixel instead of each tile, for
+    /// [`RenderResult::noise_image`](super::RenderResult::noise_image). Path counts are then equal
     /// in every pixel.
     #[must_use]
     pub fn pixel_noise(self, pixel_noise: bool) -> Self {
@@ -126,7 +127,8 @@ impl RenderJob {
     }
 
     /// Reserves a part of the time of [`Self::stop`] for the caller's work after the render, such as writing files: this
-    /// time for each pixel. An observer may replace it by a measured time: [`RenderState::reserve`].
+    /// time for each pixel. An observer may replace it by a measured time:
+    /// [`RenderState::reserve`](super::RenderState::reserve).
     #[must_use]
     pub fn reserve_per_pixel(self, time: Duration) -> Self {
         Self { reserve_per_pixel: time, ..self }
