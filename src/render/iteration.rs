@@ -4,18 +4,32 @@ use super::report::IterationReport;
 use super::tiles::TileBatches;
 use super::worker::Job;
 use super::{NestedPart, Renderer};
+use crate::accel::Intersect;
 use crate::base::rng::{Stream, StreamKey};
 use crate::film::statistic::CurrentIteration;
 use crate::noise::Measure;
+use crate::scene::Scene;
 use crate::settings::Bias;
 use crate::transport::camera_paths::CameraPass;
+use crate::transport::clearance::Clearance;
 use crate::transport::kernel::MergeKernel;
 use crate::transport::medium_kernel::MediumKernel;
 use crate::transport::merge::{Merge, MergeOptions};
 use crate::transport::mis::Mis;
+use crate::transport::room::Surroundings;
 use rayon::prelude::*;
 use std::mem;
+use std::sync::Arc;
 use std::time::Instant;
+
+/// What cuts the merges in media that scatter, if there are any.
+fn surroundings<'a>(
+    scene: &'a Scene,
+    accel: &'a dyn Intersect,
+    clearance: &'a Option<Arc<Clearance>>,
+) -> Option<Surroundings<'a>> {
+    clearance.as_ref().map(|clearance| Surroundings { scene, accel, clearance })
+}
 
 impl Renderer {
     /// Renders one iteration on the threads of the current rayon pool.
@@ -41,10 +55,9 @@ impl Renderer {
 
         // Build the photon map
         let mut build_time = self.photon_map.build(&self.light_paths, self.kernel().reach());
-        if let Some(clearance) = &self.clearance {
-            let scene = (&*self.scene, &*self.accel, &**clearance);
+        if let Some(surroundings) = surroundings(&self.scene, &*self.accel, &self.clearance) {
             let kernel = self.medium_kernel();
-            build_time += self.medium_photons.build(&self.light_paths, &kernel, scene);
+            build_time += self.medium_photons.build(&self.light_paths, &kernel, &surroundings);
         }
 
         // Camera phase and merge: each thread traces and merges the camera paths of some tiles
@@ -98,7 +111,6 @@ impl Renderer {
             settings,
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
             gather_early: mis.is_some() || self.found_caustic_photons(),
-            clearance: self.clearance.as_deref(),
         };
         let options = MergeOptions {
             mis,
@@ -106,6 +118,12 @@ impl Renderer {
             records_annulus: settings.bias == Bias::Reduce,
         };
         let merge = Merge::new(photon_map, settings.merge_vertex, self.kernel(), options);
-        (pass, merge.with_medium(medium_photons, self.medium_kernel()))
+        let merge = match surroundings(scene, &**accel, &self.clearance) {
+            None => merge,
+            Some(surroundings) => {
+                merge.with_medium(medium_photons, self.medium_kernel(), surroundings)
+            }
+        };
+        (pass, merge)
     }
 }

@@ -71,7 +71,6 @@ fn receivers(
         accel,
         settings: &settings,
         key: StreamKey::new(SEED, Stream::CameraPath, 0),
-        clearance: None,
         gather_early: true,
     };
     let rows = (0..side).into_par_iter().flat_map_iter(|y| {

@@ -10,19 +10,24 @@ use crate::film::aov::AovSelection;
 use crate::film::cells::CellGrid;
 use crate::film::radiance::PixelSums;
 use crate::film::statistic::StatisticRequest;
-use crate::scene::Scene;
 use crate::scene::bsdf::Bsdf;
+use crate::scene::{Media, Scene};
 use crate::settings::{Bias, Settings, Strategy};
 use crate::transport::mis::weights::PhotonPartials;
 use crate::transport::photon::Photon;
+use crate::transport::room::Room;
 
 /// Mean memory of a light path, bytes. A path stores at most `1/(1 - albedo)` photons on average;
-/// surfaces with specular reflection only store none. Splitting multiplies their number.
+/// surfaces with specular reflection only store none. The same holds in media. Splitting multiplies their number.
 pub(super) fn bytes_per_light_path(scene: &Scene, settings: &Settings) -> f64 {
     let storing = scene.materials().iter().map(|m| m.bsdf).filter(Bsdf::merges);
     let albedo = storing.map(|bsdf| bsdf.albedo().max_element()).fold(0.0, f32::max);
+    let in_media = scene.media().map_or(0.0, Media::largest_albedo);
+    let albedo = albedo.max(in_media);
     let photons_per_path = (1.0 - f64::from(albedo)).recip().min(20.0);
-    f64::from(settings.splitting) * photons_per_path * bytes_per_photon(settings)
+    // Planes around photons near surfaces
+    let planes = if in_media > 0.0 { size_of::<Room>() } else { 0 };
+    f64::from(settings.splitting) * photons_per_path * (bytes_per_photon(settings) + planes as f64)
 }
 
 /// Memory of a photon, bytes: as traced, while it is sorted with its bucket in two orders, and in the

@@ -170,10 +170,31 @@ impl Renderer {
         accel: &Arc<dyn Intersect>,
         settings: Settings,
     ) -> Result<Self> {
-        Self::with_areas(scene, accel, settings, |settings| match settings.kernel {
-            Kernel::Area => Some(Arc::new(Areas::of_scene(scene, &**accel, settings.reach()))),
-            Kernel::Disc => None,
-        })
+        Self::with_areas(
+            scene,
+            accel,
+            settings,
+            |settings| match settings.kernel {
+                Kernel::Area => Some(Arc::new(Areas::of_scene(scene, &**accel, settings.reach()))),
+                Kernel::Disc => None,
+            },
+            None,
+        )
+    }
+
+    /// Where surfaces are near enough for the merges in media of some settings. Uses `known`, which is that of other
+    /// settings, if it is not much larger than needed.
+    fn clearance(
+        scene: &Scene,
+        settings: &Settings,
+        known: Option<&Arc<Clearance>>,
+    ) -> Arc<Clearance> {
+        let radii = MergeKernel::discs([settings.caustic_radius, settings.radius]);
+        let needed = MediumKernel::new(&radii, settings).room_radius();
+        match known {
+            Some(known) if (needed..=2.0 * needed).contains(&known.distance()) => known.clone(),
+            _ => Arc::new(Clearance::of_scene(scene, needed)),
+        }
     }
 
     fn with_areas(
@@ -181,6 +202,7 @@ impl Renderer {
         accel: &Arc<dyn Intersect>,
         settings: Settings,
         areas: impl FnOnce(&Settings) -> Option<Arc<Areas>>,
+        clearance: Option<&Arc<Clearance>>,
     ) -> Result<Self> {
         settings.validate()?;
         let config = RenderConfig::default();
@@ -193,11 +215,10 @@ impl Renderer {
         let areas = areas(&settings);
         let mut light_paths = LightPaths::default();
         light_paths.areas = areas.clone();
-        let clearance = scene.media().is_some_and(Media::any_scatters).then(|| {
-            let radii = MergeKernel::discs([settings.caustic_radius, settings.radius]);
-            let kernel = MediumKernel::new(&radii, &settings);
-            Arc::new(Clearance::of_scene(scene, kernel.room_radius()))
-        });
+        let clearance = scene
+            .media()
+            .is_some_and(Media::any_scatters)
+            .then(|| Self::clearance(scene, &settings, clearance));
         Ok(Self {
             scene: Arc::clone(scene),
             accel: Arc::clone(accel),
@@ -233,14 +254,20 @@ impl Renderer {
         let renderer = if settings.kernel != self.settings.kernel {
             Self::unguided(&scene, &self.accel, settings)?
         } else {
-            Self::with_areas(&scene, &self.accel, settings, |settings| {
-                let areas = self.areas.as_ref()?;
-                Some(if areas.radius() == settings.reach() {
-                    Arc::clone(areas)
-                } else {
-                    Arc::new(areas.at(settings.reach()))
-                })
-            })?
+            Self::with_areas(
+                &scene,
+                &self.accel,
+                settings,
+                |settings| {
+                    let areas = self.areas.as_ref()?;
+                    Some(if areas.radius() == settings.reach() {
+                        Arc::clone(areas)
+                    } else {
+                        Arc::new(areas.at(settings.reach()))
+                    })
+                },
+                self.clearance.as_ref(),
+            )?
         };
         // The guide depends neither on the path counts and sets nor on the seed.
         let Settings { light_paths, camera_paths, sobol_set, seed, mis_scales, .. } = self.settings;

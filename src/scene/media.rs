@@ -175,6 +175,15 @@ impl Media {
         scattering.map(|medium| medium.extinction().max_element()).fold(0.0, f32::max)
     }
 
+    /// Largest share of the light that a medium scatters and does not absorb, of any color; 0 without media that scatter.
+    pub fn largest_albedo(&self) -> f32 {
+        let scattering = self.media.iter().filter(|medium| medium.scatters());
+        // A color that meets nothing has none.
+        let albedo =
+            |own: &Medium| own.scattering / own.extinction().max(Rgb::splat(f32::MIN_POSITIVE));
+        scattering.map(|medium| albedo(medium).max_element()).fold(0.0, f32::max)
+    }
+
     /// Returns true if the weights of merges among several techniques (`mis`, `cut-mis`) hold: they know neither
     /// vertices in media, nor light paths that start anew behind a boundary.
     pub fn allows_weighted_merges(&self) -> bool {

@@ -6,6 +6,7 @@ use crate::base::error::{Error, Result};
 use crate::simd::LANES;
 use crate::simd::sobol::MAX_POINTS;
 use serde::{Deserialize, Deserializer, de};
+use std::ops::RangeInclusive;
 
 /// Separates problem and advice in the text of a serde error.
 pub(crate) const ADVICE: &str = "\u{1f}";
@@ -142,7 +143,7 @@ pub(super) fn check_radius(&radius: &f32) -> Result<()> {
 }
 
 /// Range of the radii of merges in media over those at surfaces.
-const MEDIUM_SCALES: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
+pub const MEDIUM_SCALES: RangeInclusive<f64> = 0.01..=1000.0;
 
 pub(super) fn check_medium_scale(&scale: &f64) -> Result<()> {
     if MEDIUM_SCALES.contains(&scale) {
@@ -159,7 +160,7 @@ pub(super) fn check_medium_scale(&scale: &f64) -> Result<()> {
 pub const DEFAULT_WAVELENGTH_WIDTH: f64 = 0.06;
 
 /// Range of the share of the spectrum within which wavelengths merge.
-const WAVELENGTH_WIDTHS: std::ops::RangeInclusive<f64> = 0.001..=1.0;
+const WAVELENGTH_WIDTHS: RangeInclusive<f64> = 0.001..=1.0;
 
 pub(super) fn check_wavelength_width(&width: &f64) -> Result<()> {
     if WAVELENGTH_WIDTHS.contains(&width) {

@@ -1,13 +1,10 @@
 //! The photons in media, and the surfaces around them.
 
-use super::clearance::Clearance;
 use super::light_paths::LightPaths;
 use super::medium_kernel::MediumKernel;
 use super::photon_map::PhotonMap;
 use super::photon_tree::PhotonTree;
-use super::room::Room;
-use crate::accel::Intersect;
-use crate::scene::Scene;
+use super::room::{Room, Surroundings};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
@@ -33,29 +30,22 @@ impl MediumPhotons {
         &mut self,
         paths: &LightPaths,
         kernel: &MediumKernel,
-        (scene, accel, clearance): (&Scene, &dyn Intersect, &Clearance),
+        surroundings: &Surroundings,
     ) -> Duration {
         let start = Instant::now();
         if kernel.is_along_segments() {
             self.tree.build(paths.medium_photons());
-            self.find_rooms(scene, accel, clearance, kernel.room_radius());
+            self.find_rooms(surroundings, kernel.room_radius());
         } else {
             self.map.build_from(&paths.medium_photons().collect::<Vec<_>>(), kernel.radius());
         }
         start.elapsed() * rayon::current_num_threads() as u32
     }
 
-    fn find_rooms(
-        &mut self,
-        scene: &Scene,
-        accel: &dyn Intersect,
-        clearance: &Clearance,
-        radius: f32,
-    ) {
-        let around = |position| Room::around(scene, accel, clearance, position, radius);
+    fn find_rooms(&mut self, surroundings: &Surroundings, radius: f32) {
         let photons = self.tree.photons().par_iter().enumerate();
         let near: Vec<(usize, Room)> = photons
-            .map(|(index, photon)| (index, around(photon.position)))
+            .map(|(index, photon)| (index, surroundings.room(photon.position, radius)))
             .filter(|(_, room)| !room.is_open())
             .collect();
         self.rooms.clear();

@@ -20,4 +20,4 @@ pub mod photon_map;
 pub mod photon_tree;
 pub mod reference;
 mod path_state;
-mod room;
+pub mod room;

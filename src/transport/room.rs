@@ -62,42 +62,41 @@ fn spread<const N: usize>() -> [Vec3; N] {
     })
 }
 
-impl Room {
+/// The surfaces of a scene, among which there are rooms.
+#[derive(Clone, Copy)]
+pub struct Surroundings<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The scene's triangles.
+    pub accel: &'a dyn Intersect,
+    /// Where surfaces are near.
+    pub clearance: &'a Clearance,
+}
+
+impl Surroundings<'_> {
     /// Finds the planes within `radius` of a point.
     ///
     /// # Panics
     /// If the clearance is known within less than `radius` only.
-    pub fn around(
-        scene: &Scene,
-        accel: &dyn Intersect,
-        clearance: &Clearance,
-        position: Vec3,
-        radius: f32,
-    ) -> Self {
-        assert!(clearance.distance() >= radius, "the clearance is that of smaller balls");
-        if clearance.is_free(position) {
-            return Self::default();
+    pub fn room(&self, position: Vec3, radius: f32) -> Room {
+        assert!(self.clearance.distance() >= radius, "the clearance is that of smaller balls");
+        let mut room = Room::default();
+        if self.clearance.is_free(position) {
+            return room;
         }
-        let mut room = Self::default();
-        room.cast(scene, accel, position, radius, &RAYS);
+        self.cast(position, radius, &RAYS, &mut room);
         // In a corner the nearest wall may hide the others from these rays. Rays along it find them.
         if let [nearest, ..] = room.planes() {
             let frame = Frame::new(nearest.truncate());
             let along = |turn: Vec3| frame.to_world(turn);
-            room.cast(scene, accel, position, radius, &TURNS.map(along));
+            self.cast(position, radius, &TURNS.map(along), &mut room);
         }
         room
     }
 
     /// Adds the planes within `radius` that rays in these directions find.
-    fn cast(
-        &mut self,
-        scene: &Scene,
-        accel: &dyn Intersect,
-        position: Vec3,
-        radius: f32,
-        directions: &[Vec3; LANES],
-    ) {
+    fn cast(&self, position: Vec3, radius: f32, directions: &[Vec3; LANES], room: &mut Room) {
+        let Self { scene, accel, .. } = *self;
         let t_far = RAY_LENGTH * radius;
         let rays = directions.map(|direction| Ray { t_far, ..Ray::new(position, direction) });
         let mut hits = [HitPacket::default()];
@@ -109,12 +108,14 @@ impl Room {
                 let cos = normal.dot(*direction);
                 let distance = hit.t * cos.abs();
                 if distance < radius {
-                    self.add((cos.signum() * normal).extend(distance));
+                    room.add((cos.signum() * normal).extend(distance));
                 }
             }
         }
     }
+}
 
+impl Room {
     /// Adds a plane, unless it is one of those known or too far behind.
     fn add(&mut self, plane: Vec4) {
         let known = &mut self.planes[..usize::from(self.count)];

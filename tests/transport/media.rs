@@ -7,8 +7,9 @@ use bdpm::accel::Intersect;
 use bdpm::base::math::luminance;
 use bdpm::base::rng::{Stream, StreamKey};
 use bdpm::noise::Measure;
+use bdpm::render::{NestedPart, RenderConfig};
 use bdpm::scene::bsdf::{Bsdf, Dielectric, ThinDielectric};
-use bdpm::scene::{Material, Medium, MediumBoundary, Mesh};
+use bdpm::scene::{Environment, Material, Medium, MediumBoundary, Mesh};
 use bdpm::settings::Direct::{Connect, PhotonMap};
 use bdpm::settings::MediumQuery::{Beams, Points};
 use bdpm::settings::{Direct, Kernel, MediumQuery, Strategy};
@@ -20,6 +21,7 @@ use bdpm::transport::medium_kernel::MediumKernel;
 use bdpm::transport::medium_photons::MediumPhotons;
 use bdpm::transport::merge::{Merge, MergeOptions, MergeOutput};
 use bdpm::transport::photon_map::PhotonMap as Map;
+use bdpm::transport::room::Surroundings;
 use bdpm::{Renderer, Scene, Settings};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
@@ -402,6 +404,55 @@ fn noise_in_media_is_predicted() {
     }
 }
 
+/// Nested differences of the pixels where only a part of the merges has nested radii.
+fn nested(scene: &Arc<Scene>, part: Option<NestedPart>) -> Vec<[f64; 2]> {
+    let own = Settings { direct: PhotonMap, medium_query: Beams, ..settings(SIDE, SIDE) };
+    let config = RenderConfig { nested_part: part, ..RenderConfig::with_pixel_batches() };
+    let renderer = Renderer::new(scene, &accel(scene), own).unwrap();
+    let mut renderer = renderer.configure(config).unwrap();
+    (0..2).for_each(|_| drop(renderer.iterate(Measure::Pairs)));
+    renderer.block().noise_image().unwrap().pixels.iter().map(|own| own.noise.nested).collect()
+}
+
+/// Between black walls, media have all of the bias; without media they have none.
+#[test]
+fn bias_of_merges_in_media_is_measured_alone() {
+    let lit = |albedo: f32, fog: f32| {
+        let mut meshes = cube(Vec3::ZERO, 1.0, true, 0);
+        meshes.push(square(Vec3::new(0.0, 0.0, 0.95), -Vec3::Z, 0.8, 1));
+        let eye = camera(Vec3::new(-0.9, -0.8, 0.2), Vec3::new(0.1, 0.2, -0.6), 70.0);
+        let scene = scene(meshes, vec![gray(albedo, 0.0), gray(0.0, 4.0)], vec![], eye);
+        filled(scene, gray_medium(0.1, fog, 0.0))
+    };
+    let media = Some(NestedPart::Media);
+    let black = lit(0.0, 0.5);
+    let all = nested(&black, None);
+    assert!(all.iter().flatten().any(|own| *own != 0.0));
+    assert_eq!(nested(&black, media), all);
+    let clear = lit(0.5, 0.0);
+    assert!(nested(&clear, None).iter().flatten().any(|own| *own != 0.0));
+    assert!(nested(&clear, media).iter().flatten().all(|own| *own == 0.0));
+}
+
+/// Before a render, camera paths learn which lights are visible from where. They also meet media, and merge nothing.
+#[test]
+fn visibility_of_lights_is_learned_in_fog() {
+    let fog = gray_medium(0.1, 1.0, 0.0);
+    let meshes = vec![block(Vec3::ZERO, 1.0, 0), square(-1.1 * Vec3::Z, Vec3::Z, 2.0, 1)];
+    let materials = vec![index_matched(&fog), gray(0.5, 0.0)];
+    let eye = camera(Vec3::new(-3.0, 0.1, 0.2), Vec3::ZERO, 40.0);
+    let sky = Environment::new(1, 1, vec![Vec3::ONE], 0.0);
+    let scene =
+        Arc::new(Arc::unwrap_or_clone(scene(meshes, materials, vec![], eye)).with_environment(sky));
+    for medium_query in [Points, Beams] {
+        let own = Settings { medium_query, light_visibility: 4096, ..settings(SIDE, SIDE) };
+        let mut renderer = Renderer::new(&scene, &accel(&scene), own).unwrap();
+        renderer.iterate(Measure::Off);
+        let sums = renderer.film().sums.map_rows(|pixel| pixel.radiance);
+        assert!(sums.iter().all(|radiance| radiance.is_finite() && radiance.x > 0.0));
+    }
+}
+
 /// The sums within the radii less the annulus are the sums within half of them, and pairs have the same sums and the
 /// differences of their nested radii.
 #[test]
@@ -422,7 +473,8 @@ fn assert_merges_nest(scene: &Scene, accel: &dyn Intersect, medium_query: Medium
     let kernel = MediumKernel::new(&at_surfaces, &settings);
     let clearance = Clearance::of_scene(scene, kernel.room_radius());
     let mut photons = MediumPhotons::default();
-    photons.build(&light, &kernel, (scene, accel, &clearance));
+    let surroundings = Surroundings { scene, accel, clearance: &clearance };
+    photons.build(&light, &kernel, &surroundings);
     let pass = CameraPass {
         scene,
         view: scene.camera.view(SIDE, SIDE),
@@ -430,7 +482,6 @@ fn assert_merges_nest(scene: &Scene, accel: &dyn Intersect, medium_query: Medium
         settings: &settings,
         key: StreamKey::new(1, Stream::CameraPath, 0),
         gather_early: true,
-        clearance: Some(&clearance),
     };
     let mut paths = CameraPaths::default();
     let ids = (0..SIDE * SIDE * 4).map(|i| CameraPathId {
@@ -447,7 +498,8 @@ fn assert_merges_nest(scene: &Scene, accel: &dyn Intersect, medium_query: Medium
         let medium_scale = share * settings.medium_scale;
         let settings = Settings { medium_scale, ..settings.clone() };
         let kernel = MediumKernel::new(&at_surfaces, &settings);
-        merge.with_medium(&photons, kernel).gather_pairs(&paths, &mut output, |_, _| {});
+        let merge = merge.with_medium(&photons, kernel, surroundings);
+        merge.gather_pairs(&paths, &mut output, |_, _| {});
         output
     };
     let [whole, inner, half] = [1.0, 0.5f64.sqrt(), 0.5].map(merged);

@@ -11,19 +11,25 @@ use super::trial::Trial;
 use crate::base::error::Result;
 use crate::noise::Coefficients;
 use crate::render::NestedPart;
-use crate::settings::{MediumQuery, Settings};
+use crate::settings::{MEDIUM_SCALES, MediumQuery, Settings};
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
+use std::ops::RangeInclusive;
 
 /// Scales of the trials over that of the candidate.
 const TRIED: [f64; 2] = [0.5, 2.0];
 
 /// Steps of the scale that are compared: powers of the root of 2.
-const STEPS: std::ops::RangeInclusive<i32> = -4..=4;
+const STEPS: RangeInclusive<i32> = -4..=4;
 
 /// Another scale is worth it if its squared error, or its time, is less than this share.
 const WORTHWHILE: f64 = 0.95;
+
+/// The scale of a step.
+fn scale_at(own: f64, step: i32) -> f64 {
+    own * 2f64.powf(0.5 * f64::from(step))
+}
 
 /// A quantity that changes from scale to scale: a constant and a power of the scale.
 #[derive(Clone, Copy, Debug)]
@@ -140,6 +146,10 @@ impl Pilot<'_> {
             return Ok(());
         }
         let settings = best.settings(self.settings, model.technique);
+        let limit = |step: &i32| scale_at(settings.medium_scale, *step);
+        if ![STEPS.start(), STEPS.end()].map(limit).iter().all(|own| MEDIUM_SCALES.contains(own)) {
+            return Ok(()); // Settings at the bounds are kept.
+        }
         let mut trial = |factor: f64, nests: Option<NestedPart>| {
             let medium_scale = factor * settings.medium_scale;
             self.trial(&Settings { medium_scale, ..settings.clone() }, nests, seconds)
@@ -158,7 +168,7 @@ impl Pilot<'_> {
         };
         let rank = |own: &Best| own.rank(&self.demand);
         let own = at(best.medium_scale);
-        let all = STEPS.map(|step| at(best.medium_scale * 2f64.powf(0.5 * f64::from(step))));
+        let all = STEPS.map(|step| at(scale_at(best.medium_scale, step)));
         let other = all.min_by(|one, other| rank(one).total_cmp(&rank(other)));
         if let Some(other) = other.filter(|other| rank(other) < WORTHWHILE * rank(&own)) {
             *best = other;

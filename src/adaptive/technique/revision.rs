@@ -98,6 +98,9 @@ impl Revision {
         let [whole, again] = [done + left, left]
             .map(|time| CandidateCost { end: demand_after(time), ..self.demand });
         let present = &self.finalists[0];
+        // The image has measured its technique at the radii in media that were chosen for it.
+        let medium_scale = present.best.medium_scale;
+        let [whole, again] = [whole, again].map(|cost| CandidateCost { medium_scale, ..cost });
         let model = present.model.matched(&measured.image, self.scale);
         let mut same = CandidateCost { requested: measured.image.radii.map(|r| r as f32), ..whole };
         (same.open.radius, same.open.caustic_radius) = (false, false);
@@ -214,6 +217,8 @@ mod tests {
             ..FreeParameters::NONE
         };
         let (selection, mut revision) = pilot::run(&renderer, open, End::Time(100.0), 0.5).unwrap();
+        // As if the pilot had chosen it: a revision keeps the scale with which the image was measured.
+        revision.finalists[0].best.medium_scale = 3.0;
         let chosen = selection.apply(&settings);
         let settings = Settings {
             light_paths: 2000,
@@ -231,6 +236,10 @@ mod tests {
         let time = TimeShare { done: 10.0, left: Some(90.0) };
         let revised = revision.revise(&renderer, &selection, time)?;
         assert_eq!(revised.candidates.len(), selection.candidates.len() + 1);
+        assert_eq!(revised.revised.unwrap().instead_of.medium_scale, 3.0);
+        if revised.best().technique == selection.best().technique {
+            assert_eq!(revised.best().medium_scale, 3.0);
+        }
         assert!(!revision.is_due(&renderer, 30.0, 70.0), "an image starts again once");
         Some(revised.best().radius / settings.radius)
     }

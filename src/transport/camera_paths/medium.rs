@@ -12,7 +12,6 @@ use crate::transport::free_flight::{MediumVertex, Passed, cross, travel, travel_
 use crate::transport::light_paths::survival;
 use crate::transport::path_state::{PathState, PathStates};
 use crate::transport::photon_tree::Segment;
-use crate::transport::room::Room;
 use glam::Vec3;
 
 /// A vertex of a camera path in a medium, at which photons are merged.
@@ -33,8 +32,6 @@ pub struct MediumPoint {
     pub asymmetry: f32,
     /// Wavelength of the path; `None` for all wavelengths.
     pub wavelength: Option<Wavelength>,
-    /// Surfaces that cut the ball of the kernel.
-    pub room: Room,
 }
 
 /// A segment of a camera path in a medium, along which photons are merged: theory.md (37m).
@@ -189,9 +186,6 @@ impl CameraPaths {
         if pass.gathers_at(number) && !pass.merges_along(number) {
             let (path, weight, asymmetry) = (state.path, state.weight, medium.asymmetry);
             let (vertex, wavelength) = (number, state.history.wavelength());
-            let radius = pass.settings.reach() * pass.settings.medium_scale as f32;
-            let clearance = pass.clearance.expect("there are media");
-            let room = Room::around(pass.scene, pass.accel, clearance, position, radius);
             self.medium_points.push(MediumPoint {
                 position,
                 path,
@@ -200,7 +194,6 @@ impl CameraPaths {
                 direction,
                 asymmetry,
                 wavelength,
-                room,
             });
         }
         if !pass.goes_on_from(number) {

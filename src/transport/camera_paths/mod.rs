@@ -9,7 +9,6 @@ mod non_diffuse;
 
 pub use aov::PathAov;
 
-use super::clearance::Clearance;
 use super::gather::{GatherPoints, GatherView};
 use super::light_paths::survival;
 use super::mis::Mis;
@@ -55,8 +54,6 @@ pub struct CameraPass<'a> {
     pub key: StreamKey,
     /// Vertices before the last one gather, too.
     pub gather_early: bool,
-    /// Where surfaces are within the merge radii, in scenes with media.
-    pub clearance: Option<&'a Clearance>,
 }
 
 /// Camera paths that are merged together, traced batch by batch; buffers are reused.

@@ -8,7 +8,7 @@ use super::super::pair_list::{Pair, PairList};
 use super::super::photon::{Photon, PhotonClass};
 use super::super::photon_map::{Range, Ranges};
 use super::super::photon_tree::Segment;
-use super::super::room::Room;
+use super::super::room::{Room, Surroundings};
 use super::{Merge, PathSums};
 use crate::base::math::{LUMINANCE, Rgb};
 use crate::scene::henyey_greenstein;
@@ -22,6 +22,7 @@ use std::ops;
 pub(super) struct MediumMerge<'a> {
     pub photons: &'a MediumPhotons,
     pub kernel: MediumKernel,
+    pub surroundings: Surroundings<'a>,
 }
 
 /// Light that is merged at one point.
@@ -148,14 +149,15 @@ impl MediumMerge<'_> {
         pairs: &mut PairList,
     ) -> Merged {
         let MediumKernel { radius2, wavelengths, .. } = &self.kernel;
-        let kernels = self.kernel.cut_by(&point.room);
+        let room = self.surroundings.room(point.position, self.kernel.room_radius());
+        let kernels = self.kernel.cut_by(&room);
         let wavelengths = point.wavelength.map(|own| wavelengths.around(own));
         let mut found = Merged::default();
         self.photons.map().for_each_in(ranges, point.position, |photon, distance2, _| {
             let of = photon.class() as usize;
             let is_merged = is_last || photon.class() == PhotonClass::Caustic;
             let is_inside =
-                distance2 <= radius2[of] && point.room.contains(photon.position - point.position);
+                distance2 <= radius2[of] && room.contains(photon.position - point.position);
             if !(is_merged && is_inside) {
                 return;
             }

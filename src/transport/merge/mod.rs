@@ -20,6 +20,7 @@ use super::mis::Mis;
 use super::pair_list::PairList;
 use super::photon::PhotonClass;
 use super::photon_map::{MergeQueries, MergeQuery, PhotonMap, PointSearch, QueryKind, Ranges};
+use super::room::Surroundings;
 use crate::base::math::Rgb;
 use crate::simd::eight::{Eight, EightWork, by_eight};
 use crate::simd::{LANES, Mask, Vec3s};
@@ -161,8 +162,16 @@ impl<'a> Merge<'a> {
 
     /// Also merges the photons in media, which were prepared for a kernel of this reach or a larger one.
     #[must_use]
-    pub fn with_medium(self, photons: &'a MediumPhotons, kernel: MediumKernel) -> Self {
-        Self { medium: (!photons.is_empty()).then_some(MediumMerge { photons, kernel }), ..self }
+    pub fn with_medium(
+        self,
+        photons: &'a MediumPhotons,
+        kernel: MediumKernel,
+        surroundings: Surroundings<'a>,
+    ) -> Self {
+        Self {
+            medium: (!photons.is_empty()).then_some(MediumMerge { photons, kernel, surroundings }),
+            ..self
+        }
     }
 
     /// Quantities that are recorded beside the sums, and MIS.
