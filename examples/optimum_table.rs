@@ -75,10 +75,15 @@ struct Pilot {
 
 impl Pilot {
     /// Iterates up to the first choice of `autopilot`, whose times are of a sample of the image.
-    fn new(mut autopilot: Autopilot, mut renderer: Renderer, time: TimeModel) -> Result<Self> {
+    fn new(
+        mut autopilot: Autopilot,
+        goal: &Stop,
+        mut renderer: Renderer,
+        time: TimeModel,
+    ) -> Result<Self> {
         let start = Instant::now();
         for _ in 0..=FIRST_ITERATIONS {
-            let measure = autopilot.prepare(&mut renderer, start.elapsed().as_secs_f64())?;
+            let measure = autopilot.prepare(&mut renderer, goal, start.elapsed().as_secs_f64());
             if renderer.film().iterations < FIRST_ITERATIONS {
                 renderer.iterate(measure);
             }
@@ -115,9 +120,9 @@ fn candidates(
     let end = End::Time(0.5 * time.as_secs_f64());
     let base = Renderer::new(scene, accel, settings.clone())?;
     let (chosen, _) = technique::choose(&base, FreeParameters::NONE, end)?;
-    let autopilot = || Autopilot::new(goal, chosen.best().times);
+    let autopilot = || Autopilot::new(chosen.best().times, 0.0);
     let renderer = || base.with_settings(chosen.best().apply(settings));
-    let pilot = Pilot::new(autopilot().uniform(), renderer()?, chosen.best().times)?;
+    let pilot = Pilot::new(autopilot().uniform(), &goal, renderer()?, chosen.best().times)?;
     let longest = time.as_secs_f64() / MIN_ITERATIONS;
     let problem = pilot.problem(1..=MAX_CAMERA_PATHS, longest);
 
@@ -145,7 +150,7 @@ fn candidates(
     add("best N_F for N_B = 1", single.light_paths, 1);
     add("scene file", settings.light_paths, settings.camera_paths);
 
-    let mut map = Pilot::new(autopilot(), renderer()?, chosen.best().times)?.counts;
+    let mut map = Pilot::new(autopilot(), &goal, renderer()?, chosen.best().times)?.counts;
     let mut name = "per pixel";
     if let CameraCounts::Uniform(_) = map.camera_paths {
         let best = problem.shortest_per_pixel(NEAR_OPTIMUM);

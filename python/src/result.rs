@@ -63,11 +63,9 @@ impl RenderResult {
     ) -> PyResult<Self> {
         let seconds = result.state.elapsed().as_secs_f64();
         let image = arrays::colors(py, std::mem::take(&mut result.image), result.resolution)?;
-        // The image is returned even if the denoiser fails or the noise is not known.
-        let failure =
-            result.state.denoising.as_mut().and_then(|denoising| denoising.failure.take());
-        if let Some(failure) = failure {
-            warn(py, &format!("the image is not denoised: {failure}"))?;
+        // The image is returned even if a step after the first iteration fails or the noise is not known.
+        if let Some(failure) = result.state.failure.take() {
+            warn(py, &format!("the image is incomplete or not denoised: {failure}"))?;
         }
         let noise = match keeps_noise.then(|| result.noise_file(Measure::Pairs)) {
             Some(Ok(file)) => Some(Py::new(py, Noise { file })?),

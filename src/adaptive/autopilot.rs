@@ -4,7 +4,7 @@
 use super::error_interval::ErrorInterval;
 use super::stopping::{Convergence, Stop, importance, luminances};
 use crate::adaptive::optimize::{CountLimits, MAX_CAMERA_PATHS, NEAR_OPTIMUM, Objective, Problem};
-use crate::base::error::Result;
+use crate::base::error::Error;
 use crate::film::cells::CellGrid;
 use crate::film::counts::{CameraCounts, Counts};
 use crate::film::radiance::{box_filter, luminance_weights};
@@ -69,7 +69,6 @@ const PRIOR_FREEDOM: f64 = 200.0;
 /// Chooses the counts of a renderer while it renders.
 #[derive(Debug)]
 pub struct Autopilot {
-    stop: Stop,
     /// True if camera paths may differ between pixels.
     per_pixel: bool,
     /// Known times, which replace the measured ones.
@@ -77,6 +76,8 @@ pub struct Autopilot {
     /// Rendering time before this run.
     earlier: f64,
     state: AutopilotState,
+    /// Reason why the latest choice of counts failed, until it is reported.
+    failure: Option<Error>,
 }
 
 /// State that an interrupted run needs to resume.
@@ -175,20 +176,21 @@ impl AutopilotState {
 
 impl Autopilot {
     /// Starts with the counts of the renderer's settings. `pilot_times` are proportional to the times of the image.
-    pub fn new(stop: Stop, pilot_times: TimeModel) -> Self {
-        Self::resume(stop, AutopilotState::new(pilot_times, stop.bias2))
+    /// `bias2` is the squared relative bias that the pilot expects.
+    pub fn new(pilot_times: TimeModel, bias2: f64) -> Self {
+        Self::resume(AutopilotState::new(pilot_times, bias2))
     }
 
-    /// Resumes from `state`, which includes the bias.
-    pub fn resume(stop: Stop, state: AutopilotState) -> Self {
-        let stop = stop.with_pilot_bias2(state.bias2);
-        Self { stop, per_pixel: true, times: None, earlier: state.elapsed, state }
+    /// Resumes from `state`.
+    pub fn resume(state: AutopilotState) -> Self {
+        let earlier = state.elapsed;
+        Self { per_pixel: true, times: None, earlier, state, failure: None }
     }
 
     /// Starts again with the counts of other settings.
     #[must_use]
-    pub fn restarted(&self, stop: Stop, pilot_times: TimeModel) -> Self {
-        Self { per_pixel: self.per_pixel, times: self.times, ..Self::new(stop, pilot_times) }
+    pub fn restarted(&self, pilot_times: TimeModel, bias2: f64) -> Self {
+        Self { per_pixel: self.per_pixel, times: self.times, ..Self::new(pilot_times, bias2) }
     }
 
     /// Chooses equal counts for every pixel.
@@ -203,15 +205,16 @@ impl Autopilot {
         Self { times: Some(times), ..self }
     }
 
-    /// Ends the iterations after this rendering time from now on.
-    pub fn set_time(&mut self, time: Duration) {
-        self.stop.time = Some(time);
+    /// Takes the reason why the latest choice of counts failed, if it did. The counts in force were kept.
+    pub fn take_failure(&mut self) -> Option<Error> {
+        self.failure.take()
     }
 
     /// A promise from all iterations so far; `None` before [`PROMISE_SHARE`] of the time. theory.md (89).
-    fn make_promise(&self, renderer: &Renderer, elapsed: f64) -> Option<Promise> {
-        let convergence = self.convergence(renderer);
-        let stop = convergence.with_measured_bias(&self.stop);
+    fn make_promise(&self, renderer: &Renderer, stop: &Stop, elapsed: f64) -> Option<Promise> {
+        let convergence = convergence(renderer, stop);
+        let prior = stop;
+        let stop = convergence.with_measured_bias(stop);
         let (variance, tau) = (convergence.per_iteration?, self.iteration_time(renderer, elapsed)?);
         let forecast = convergence.forecast(&stop, variance, tau, elapsed)?;
         let is_early = elapsed < PROMISE_SHARE * (elapsed + forecast.seconds);
@@ -224,7 +227,7 @@ impl Autopilot {
         Some(Promise {
             rms: forecast.rms,
             error: convergence.error(&stop, forecast.left),
-            interval: convergence.error_interval(&self.stop, forecast.left),
+            interval: convergence.error_interval(prior, forecast.left),
             seconds: said_after + forecast.seconds,
             said_after,
             gain_over_one_each: gain(one_path_each),
@@ -232,15 +235,9 @@ impl Autopilot {
         })
     }
 
-    fn convergence(&self, renderer: &Renderer) -> Convergence {
-        let importance = importance(renderer.blocks(), self.stop.objective);
-        let weights = block::weights(renderer.blocks(), &importance);
-        Convergence::new(renderer.blocks(), weights, &importance)
-    }
-
     /// The best counts from all measurements so far.
-    fn choose(&self, renderer: &Renderer, elapsed: f64) -> Result<CountChoice> {
-        let convergence = self.convergence(renderer);
+    fn choose(&self, renderer: &Renderer, stop: &Stop, elapsed: f64) -> CountChoice {
+        let convergence = convergence(renderer, stop);
         let blocks = renderer.blocks();
         let settings = renderer.settings();
         let times =
@@ -249,17 +246,16 @@ impl Autopilot {
         let measured = block::coefficients(blocks).expect("the first iteration measures");
         let grid = CellGrid::of(settings.resolution());
         let smoothed = smoothed(blocks, &measured, grid);
-        let (luminance, scale) = self.luminance(blocks, grid);
-        let scale = scale * self.pooled_share(&smoothed, &renderer.block().counts, grid);
-        // Without photons the number of light paths, which are not traced, makes no difference.
-        let most_light_paths = if settings.has_photons() { renderer.most_light_paths() } else { 2 };
+        let (luminance, scale) = luminance(stop.objective, blocks, grid);
+        let scale = scale * pooled_share(stop.objective, &smoothed, &renderer.block().counts, grid);
+        let allowed = renderer.allowed_light_paths();
         let problem = |iteration_time| {
             let bounds = CountLimits {
-                light_paths: settings.whole_sets(2)..=most_light_paths,
+                light_paths: allowed.bounds(),
                 camera_paths: 1..=MAX_CAMERA_PATHS,
                 iteration_time,
             };
-            Problem::new(&smoothed, &luminance, self.stop.objective, model, &bounds)
+            Problem::new(&smoothed, &luminance, stop.objective, model, &bounds)
                 .of_squares(grid.pixels_per_cell())
         };
         // Enough iterations must fit in the remaining time. If a target ends the render, this time depends on the
@@ -269,7 +265,7 @@ impl Autopilot {
         for _ in 0..4 {
             let best = problem(max_time).uniform();
             let (variance, tau) = (best.variance * scale, best.iteration_time);
-            let rest = convergence.forecast(&self.stop, variance, tau, elapsed);
+            let rest = convergence.forecast(stop, variance, tau, elapsed);
             let share =
                 // theory.md (86), (90)
                 rest.map_or(f64::INFINITY, |rest| {
@@ -279,14 +275,14 @@ impl Autopilot {
         }
         let problem = problem(max_time);
         let uniform = problem.shortest_uniform(NEAR_OPTIMUM);
-        let light_paths = settings.whole_sets(uniform.light_paths);
+        let light_paths = allowed.nearest(uniform.light_paths);
         let mut counts = Counts::uniform(light_paths, uniform.camera_paths);
         let mut cost = uniform.cost;
         if self.per_pixel {
             let best = problem.shortest_per_pixel(NEAR_OPTIMUM);
             if best.cost < uniform.cost * (1.0 - WORTHWHILE_PER_PIXEL) {
                 let camera_paths = CameraCounts::PerPixel(grid.expanded(&best.camera_paths));
-                let light_paths = settings.whole_sets(best.light_paths);
+                let light_paths = allowed.nearest(best.light_paths);
                 counts = Counts { light_paths, camera_paths };
                 cost = best.cost;
             }
@@ -300,74 +296,43 @@ impl Autopilot {
         let present_tau = time(&renderer.block().counts);
         let present = convergence.per_iteration.unwrap_or(0.0) * present_tau;
         let mut is_worthwhile = scale * cost < present * (1.0 - WORTHWHILE);
-        let left = self.stop.time.map(|time| time.as_secs_f64() - elapsed);
+        let left = stop.time.map(|time| time.as_secs_f64() - elapsed);
         if let Some(left) = left.filter(|_| is_large(renderer) && settings.has_photons()) {
             let chosen =
                 if is_worthwhile { counts.clone() } else { renderer.block().counts.clone() };
             if let Some(light_paths) = fitting_light_paths(&model, &chosen, left) {
-                let light_paths = light_paths.clamp(2, most_light_paths);
+                let light_paths = allowed.at_most(light_paths);
                 (counts, is_worthwhile) = (Counts { light_paths, ..chosen }, true);
             }
         }
         let tau = if is_worthwhile { time(&counts) } else { present_tau };
         let costs = ExpectedCosts { tau, one_path_each, uniform: scale * uniform.cost };
-        Ok(CountChoice { is_worthwhile, counts, costs })
+        CountChoice { is_worthwhile, counts, costs }
     }
 
-    /// Luminance of each cell for the allocation of camera paths, and the mean of the weights that follow from it.
-    fn luminance(&self, blocks: &[Block], grid: CellGrid) -> (Vec<f64>, f64) {
-        let (width, height) = grid.size();
-        let image = CombinedImage::new(blocks, vec![1.0; blocks.len()]);
-        let unfiltered: Vec<_> = luminances(&image).into_iter().map(|l| [l]).collect();
-        let luminance: Vec<f64> =
-            box_filter(&unfiltered, width, height).into_iter().map(|[l]| l).collect();
-        let scale = match self.stop.objective {
-            Objective::Relative => {
-                luminance_weights(&luminance).iter().sum::<f64>() / luminance.len() as f64
-            }
-            _ => 1.0,
-        };
-        (luminance, scale)
-    }
-
-    /// Pooled variance over the objective at the present counts, as predicted. Costs are compared with sampled variances,
-    /// which are pooled, so both agree at these counts. 1 for objectives that are means themselves.
-    fn pooled_share(&self, cells: &[Coefficients], counts: &Counts, grid: CellGrid) -> f64 {
-        let objective = self.stop.objective;
-        if matches!(objective, Objective::Pooled | Objective::Relative) {
-            return 1.0;
-        }
-        let variances = || {
-            let n_light = f64::from(counts.light_paths);
-            let n_camera = move |cell| counts.camera_paths.at(grid.first_pixel(cell)).into();
-            let cells = cells.iter().enumerate();
-            cells.map(move |(cell, own)| own.variance(n_light, n_camera(cell)))
-        };
-        let share = Objective::Pooled.aggregate(variances()) / objective.aggregate(variances());
-        if share.is_finite() && share > 0.0 { share } else { 1.0 }
-    }
-
-    /// Prepares the next iteration, after `elapsed` seconds of this run, and returns its measurement.
-    ///
-    /// # Errors
-    /// If other counts are chosen and do not fit in the memory.
-    pub fn prepare(&mut self, renderer: &mut Renderer, elapsed: f64) -> Result<Measure> {
+    /// Prepares the next iteration, after `elapsed` seconds of this run, and returns its measurement. If other counts are
+    /// chosen and cannot be rendered, the counts in force are kept: see [`Self::take_failure`].
+    pub fn prepare(&mut self, renderer: &mut Renderer, stop: &Stop, elapsed: f64) -> Measure {
         let (now, entered) = (self.earlier + elapsed, Instant::now());
         self.mark(renderer.film().iterations, now);
         if renderer.iterations() == 0 {
             self.state.block_began = now;
-        } else if self.update_promise_and_check_choice(renderer, now) {
+        } else if self.update_promise_and_check_choice(renderer, stop, now) {
             let is_first = self.state.next_choice.is_none();
             self.state.next_choice = Some(2.0 * now);
             if is_first || renderer.blocks().len() < max_blocks(renderer.settings()) {
-                let choice = self.choose(renderer, elapsed)?;
+                let choice = self.choose(renderer, stop, elapsed);
                 if is_first {
                     self.state.costs = choice.costs;
                 }
                 if choice.is_worthwhile {
-                    self.state.block_began = now + entered.elapsed().as_secs_f64();
-                    self.state.marks = Default::default();
-                    renderer.begin_block(choice.counts)?;
+                    match renderer.begin_block(choice.counts) {
+                        Ok(()) => {
+                            self.state.block_began = now + entered.elapsed().as_secs_f64();
+                            self.state.marks = Default::default();
+                        }
+                        Err(error) => self.failure = Some(error),
+                    }
                 }
             }
         }
@@ -377,15 +342,20 @@ impl Autopilot {
             is_large(renderer) && renderer.blocks().len() == max_blocks(renderer.settings());
         let skipped = if is_last { 1 } else { 0 };
         let measures = (renderer.film().iterations + skipped).is_multiple_of(self.schedule().every);
-        Ok(if measures { Measure::Pairs } else { Measure::Off })
+        if measures { Measure::Pairs } else { Measure::Off }
     }
 
     /// Makes the promise if it is due, and returns true if counts should be chosen before the next iteration.
     ///
     /// The pilot used only a sample of the pixels, so a promise is made only after the first choice, which uses the
     /// whole image.
-    fn update_promise_and_check_choice(&mut self, renderer: &Renderer, now: f64) -> bool {
-        let late = self.stop.time.map(|time| FIRST_CHOICE_SHARE * time.as_secs_f64());
+    fn update_promise_and_check_choice(
+        &mut self,
+        renderer: &Renderer,
+        stop: &Stop,
+        now: f64,
+    ) -> bool {
+        let late = stop.time.map(|time| FIRST_CHOICE_SHARE * time.as_secs_f64());
         let is_late = late.is_some_and(|late| now - self.earlier > late);
         let first = if is_late { FEWEST_FIRST_ITERATIONS } else { FIRST_ITERATIONS };
         if renderer.film().iterations < first {
@@ -393,11 +363,11 @@ impl Autopilot {
         }
         let Some(next_choice) = self.state.next_choice else { return true };
         let share_of_time = |time: Duration| (now - self.earlier) / time.as_secs_f64();
-        let is_third = self.stop.time.is_some_and(|time| share_of_time(time) >= PROMISE_SHARE);
+        let is_third = stop.time.is_some_and(|time| share_of_time(time) >= PROMISE_SHARE);
         if self.state.promise.is_none() && (is_third || is_promise_check_due(renderer, first)) {
-            self.state.promise = self.make_promise(renderer, now - self.earlier);
+            self.state.promise = self.make_promise(renderer, stop, now - self.earlier);
         }
-        let is_late = self.stop.time.is_some_and(|time| share_of_time(time) >= LAST_CHOICE_SHARE);
+        let is_late = stop.time.is_some_and(|time| share_of_time(time) >= LAST_CHOICE_SHARE);
         now >= next_choice && !is_late && self.state.promise.is_none()
     }
 
@@ -448,6 +418,49 @@ impl Autopilot {
     pub fn promise(&self) -> Option<&Promise> {
         self.state.promise.as_ref()
     }
+}
+
+fn convergence(renderer: &Renderer, stop: &Stop) -> Convergence {
+    let importance = importance(renderer.blocks(), stop.objective);
+    let weights = block::weights(renderer.blocks(), &importance);
+    Convergence::new(renderer.blocks(), weights, &importance)
+}
+
+/// Luminance of each cell for the allocation of camera paths, and the mean of the weights that follow from it.
+fn luminance(objective: Objective, blocks: &[Block], grid: CellGrid) -> (Vec<f64>, f64) {
+    let (width, height) = grid.size();
+    let image = CombinedImage::new(blocks, vec![1.0; blocks.len()]);
+    let unfiltered: Vec<_> = luminances(&image).into_iter().map(|l| [l]).collect();
+    let luminance: Vec<f64> =
+        box_filter(&unfiltered, width, height).into_iter().map(|[l]| l).collect();
+    let scale = match objective {
+        Objective::Relative => {
+            luminance_weights(&luminance).iter().sum::<f64>() / luminance.len() as f64
+        }
+        _ => 1.0,
+    };
+    (luminance, scale)
+}
+
+/// Pooled variance over the objective at the present counts, as predicted. Costs are compared with sampled variances,
+/// which are pooled, so both agree at these counts. 1 for objectives that are means themselves.
+fn pooled_share(
+    objective: Objective,
+    cells: &[Coefficients],
+    counts: &Counts,
+    grid: CellGrid,
+) -> f64 {
+    if matches!(objective, Objective::Pooled | Objective::Relative) {
+        return 1.0;
+    }
+    let variances = || {
+        let n_light = f64::from(counts.light_paths);
+        let n_camera = move |cell| counts.camera_paths.at(grid.first_pixel(cell)).into();
+        let cells = cells.iter().enumerate();
+        cells.map(move |(cell, own)| own.variance(n_light, n_camera(cell)))
+    };
+    let share = Objective::Pooled.aggregate(variances()) / objective.aggregate(variances());
+    if share.is_finite() && share > 0.0 { share } else { 1.0 }
 }
 
 /// Returns true after `first` iterations of a block, twice as many, and so on, since each check takes a pass over the

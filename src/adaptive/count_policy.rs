@@ -2,7 +2,8 @@
 
 use super::autopilot::{Autopilot, AutopilotState, Promise};
 use super::plan::Plan;
-use crate::base::error::Result;
+use super::stopping::Stop;
+use crate::base::error::{Error, Result};
 use crate::base::iteration_set::IterationSet;
 use crate::noise::Measure;
 use crate::noise::schedule::MeasureSchedule;
@@ -10,7 +11,6 @@ use crate::render::Renderer;
 use crate::render::block;
 use crate::render::block::Block;
 use std::ops::Range;
-use std::time::Duration;
 
 /// Decides on path counts and measuring while an image is rendered.
 #[derive(Debug)]
@@ -27,12 +27,17 @@ impl CountPolicy {
     /// Prepares the next iteration, after `elapsed` seconds of this run, and returns its measurement.
     ///
     /// # Errors
-    /// If other counts are due and do not fit in the memory.
-    pub fn prepare(&mut self, renderer: &mut Renderer, elapsed: f64) -> Result<Measure> {
+    /// If the counts of the next step of a plan do not fit in the memory.
+    pub fn prepare(
+        &mut self,
+        renderer: &mut Renderer,
+        stop: &Stop,
+        elapsed: f64,
+    ) -> Result<Measure> {
         match self {
             Self::Fixed(_) => {}
             Self::Plan(replay) => replay.enter_step(renderer)?,
-            Self::Automatic(autopilot) => return autopilot.prepare(renderer, elapsed),
+            Self::Automatic(autopilot) => return Ok(autopilot.prepare(renderer, stop, elapsed)),
         }
         Ok(self.schedule().measure(
             renderer.block_iteration(),
@@ -41,10 +46,11 @@ impl CountPolicy {
         ))
     }
 
-    /// Ends the iterations after this rendering time from now on.
-    pub fn set_time(&mut self, time: Duration) {
-        if let Self::Automatic(autopilot) = self {
-            autopilot.set_time(time);
+    /// Takes the reason why the latest choice of counts failed, if it did. The counts in force were kept.
+    pub fn take_failure(&mut self) -> Option<Error> {
+        match self {
+            Self::Automatic(autopilot) => autopilot.take_failure(),
+            Self::Fixed(_) | Self::Plan(_) => None,
         }
     }
 

@@ -167,6 +167,8 @@ pub enum StoppedBy {
     Target,
     /// The user interrupted the render.
     Interrupt,
+    /// A step after the first iteration failed. The image has the iterations before it.
+    Failure,
 }
 
 impl Target {

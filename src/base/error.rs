@@ -21,6 +21,7 @@ pub struct Error {
     source: Option<Box<dyn std::error::Error + Send + Sync>>,
     /// Further independent problems.
     others: Vec<Error>,
+    is_interrupt: bool,
 }
 
 /// The file, and the line in it, that a problem is about.
@@ -35,7 +36,14 @@ impl Error {
     /// A problem in one sentence without a full stop, and what to do about it.
     pub fn new(problem: impl Into<String>, advice: impl Into<String>) -> Self {
         let (problem, advice) = (problem.into(), advice.into());
-        Self { problem, advice, location: None, source: None, others: Vec::new() }
+        Self {
+            problem,
+            advice,
+            location: None,
+            source: None,
+            others: Vec::new(),
+            is_interrupt: false,
+        }
     }
 
     /// Several independent problems, shown one after the other.
@@ -66,6 +74,18 @@ impl Error {
             source: Some(Box::new(source)),
             ..Self::new("", advice).at(path)
         }
+    }
+
+    /// The user interrupted the program before there was a result.
+    pub fn interrupted() -> Self {
+        let advice = "let the first iteration end, or ask for fewer paths";
+        let problem = "interrupted before the first iteration was done: there is no image";
+        Self { is_interrupt: true, ..Self::new(problem, advice) }
+    }
+
+    /// Returns true if the user interrupted the program.
+    pub fn is_interrupt(&self) -> bool {
+        self.is_interrupt
     }
 
     /// The problem, without file and line.

@@ -96,7 +96,7 @@ pub fn run(args: &Args) -> Result<String> {
         .at_least(MIN_ITERATIONS)
         .stop(stop)
         .interrupted_by(catch_interrupts(progress.clone())?);
-    let result = job.run(|event| {
+    let mut result = job.run(|event| {
         match event {
             Event::Warning(warning) => progress.note(&format!("warning: {warning}")),
             Event::Started(state) => {
@@ -109,6 +109,7 @@ pub fn run(args: &Args) -> Result<String> {
         ControlFlow::Continue(())
     })?;
     progress.finish();
+    let failure = result.state.failure.take();
     let RenderResult { state, stopped_by, .. } = &result;
     let film = state.renderer.film();
     if film.iterations < MIN_ITERATIONS {
@@ -126,6 +127,9 @@ pub fn run(args: &Args) -> Result<String> {
     attempts.add(exr, || file.write(exr));
     let terms_picture = attempts.add(&terms_png, || write_terms(&terms_png, &file.noise));
     attempts.add(&rms_png, || write_rms(&rms_png, &file.noise));
+    if let Some(failure) = failure {
+        attempts.add(exr, || Err::<(), _>(failure));
+    }
     attempts.finish()?;
     let terms_picture = terms_picture.expect("nothing failed");
     let write_time = start.elapsed();

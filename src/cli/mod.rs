@@ -106,7 +106,29 @@ fn definition() -> clap::Command {
     with_groups(Cli::command())
 }
 
-/// Runs the program: 0 on success, 1 on an error, 2 on wrong usage.
+/// Status if a render failed after its first iteration and the image so far was written.
+const PARTIAL_RESULT: u8 = 4;
+
+/// The customary status of a program that SIGINT ended.
+const INTERRUPTED: u8 = 130;
+
+/// Result of a subcommand.
+#[derive(Default)]
+struct Output {
+    /// Printed to stdout.
+    text: String,
+    /// The error that left the result incomplete, if there was one.
+    failure: Option<Error>,
+}
+
+impl From<String> for Output {
+    fn from(text: String) -> Self {
+        Self { text, failure: None }
+    }
+}
+
+/// Runs the program: 0 on success, 1 on an error, 2 on wrong usage, 4 if the result is incomplete, 130 if an interrupt
+/// left no result.
 pub fn run() -> ExitCode {
     let arguments: Vec<OsString> = std::env::args_os().collect();
     let matches = match definition().try_get_matches_from(&arguments) {
@@ -119,6 +141,27 @@ pub fn run() -> ExitCode {
     };
     let output = match command {
         Command::Render(args) => render::run(*args),
+        command => run_other(command).map(Output::from),
+    };
+    let failure = match output.and_then(|output| print(&output.text).map(|()| output.failure)) {
+        Ok(None) => return ExitCode::SUCCESS,
+        Ok(Some(failure)) => (failure, PARTIAL_RESULT),
+        Err(error) if error.is_interrupt() => (error, INTERRUPTED),
+        Err(error) => (error, 1),
+    };
+    let (error, status) = failure;
+    let cli = definition();
+    let subcommand = matches.subcommand_name().and_then(|name| cli.find_subcommand(name));
+    let shown = error.to_string();
+    let shown = subcommand.map_or(shown.clone(), |command| with_options(&shown, command));
+    say(&format!("error: {shown}"));
+    ExitCode::from(status)
+}
+
+/// Runs any subcommand but `render`, and returns the text to print.
+fn run_other(command: Command) -> Result<String> {
+    match command {
+        Command::Render(_) => unreachable!("it has more than a text"),
         Command::Measure(args) => measure::run(&args),
         Command::Merge(args) => merge::run(&args),
         Command::Analyze(args) => analyze::run(&args),
@@ -134,17 +177,6 @@ pub fn run() -> ExitCode {
         Command::Denoise(args) => denoise::run(&args),
         Command::Completions(args) => Ok(shell_files::completions(&args, definition())),
         Command::Man(args) => shell_files::manual(&args, definition()),
-    };
-    match output.and_then(|text| print(&text)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            let cli = definition();
-            let subcommand = matches.subcommand_name().and_then(|name| cli.find_subcommand(name));
-            let shown = error.to_string();
-            let shown = subcommand.map_or(shown.clone(), |command| with_options(&shown, command));
-            say(&format!("error: {shown}"));
-            ExitCode::FAILURE
-        }
     }
 }
 

@@ -7,11 +7,11 @@ use super::layers::layer_parser;
 use super::progress::Progress;
 use super::render_files::{Outputs, WRITE_PIXEL};
 use super::render_observer::RenderObserver;
-use super::say;
 use super::scene_input::{SceneInput, SessionArgs};
 use super::settings_args::{OBJECTIVE, with_chosen_default, word};
 use super::verbose;
 use super::view::ViewTarget;
+use super::{Output, say};
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::plan::Plan;
 use bdpm::adaptive::stopping::Target;
@@ -103,15 +103,15 @@ enum ImageStart {
 }
 
 /// Renders on all processes that were started together.
-pub fn run(mut args: Args) -> Result<String> {
+pub fn run(mut args: Args) -> Result<Output> {
     let ranks = mpi::join()?;
     let result = if ranks.is_first() {
         render(&args, &*ranks)
     } else if args.dry_run {
-        Ok(String::new())
+        Ok(Output::default())
     } else {
         args.session.quiet = true;
-        follow(&args, &*ranks).map(|()| String::new())
+        follow(&args, &*ranks).map(|()| Output::default())
     };
     if let Err(error) = &result
         && ranks.count() > 1
@@ -122,7 +122,7 @@ pub fn run(mut args: Args) -> Result<String> {
     result
 }
 
-fn render(args: &Args, ranks: &dyn Ranks) -> Result<String> {
+fn render(args: &Args, ranks: &dyn Ranks) -> Result<Output> {
     // Check the files before any work is done.
     let start_time = Instant::now();
     args.check_part()?;
@@ -143,7 +143,8 @@ fn render(args: &Args, ranks: &dyn Ranks) -> Result<String> {
         if args.verbose {
             verbose::before_render(args, &input, &outline).iter().for_each(|line| say(line));
         }
-        return Ok(dry_run::report(&outline, &input, &outputs, args.session.scene.json));
+        let text = dry_run::report(&outline, &input, &outputs, args.session.scene.json);
+        return Ok(text.into());
     }
     let progress = Progress::new(args.session.progress_format());
     let job = job.interrupted_by(catch_interrupts(progress.clone())?);

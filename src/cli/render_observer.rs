@@ -10,7 +10,7 @@ use super::render_report::{RenderReport, announce, text};
 use super::scene_input::SceneInput;
 use super::verbose;
 use super::view::View;
-use super::{human_time, json};
+use super::{Output, human_time, json};
 use bdpm::base::error::Result;
 use bdpm::job::RenderState;
 use bdpm::noise::Measure;
@@ -145,7 +145,7 @@ impl<'a> RenderObserver<'a> {
     }
 
     /// Writes all files of a job that has ended, and returns the report.
-    pub fn finish(self, mut result: RenderResult) -> Result<String> {
+    pub fn finish(self, mut result: RenderResult) -> Result<Output> {
         let Self { args, input, mut writer, mut page, view, progress, .. } = self;
         progress.finish();
         // Write the image first, and try every file even if another one fails.
@@ -155,11 +155,6 @@ impl<'a> RenderObserver<'a> {
         writer.save_image(&result.state, &image, shown, &mut attempts);
         black_image::warn(&result.image, &progress);
         drop(image);
-        if let Some(denoising) = &mut result.state.denoising
-            && let Some(failure) = denoising.failure.take()
-        {
-            attempts.add(&args.output(), || Err::<(), _>(failure));
-        }
         if let Some(path) = &args.noise {
             match result.state.best_measured() {
                 Some(block) => {
@@ -189,11 +184,13 @@ impl<'a> RenderObserver<'a> {
         if args.verbose {
             verbose::at_end(&report).iter().for_each(|line| progress.note(line));
         }
-        Ok(match (args.session.scene.json, args.session.quiet) {
+        let text = match (args.session.scene.json, args.session.quiet) {
             (true, _) => json(&report),
             (false, true) => String::new(),
             (false, false) => text(&report),
-        })
+        };
+        drop(report);
+        Ok(Output { text, failure: result.state.failure.take() })
     }
 }
 

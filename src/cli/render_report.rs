@@ -151,7 +151,11 @@ pub fn rms_text(rms: f64, relative: f64) -> String {
 /// The report in a few lines.
 pub fn text(report: &RenderReport) -> String {
     let run = &report.run;
-    let stopped = if run.stopped_by == StoppedBy::Interrupt { ", interrupted" } else { "" };
+    let stopped = match run.stopped_by {
+        StoppedBy::Interrupt => ", interrupted",
+        StoppedBy::Failure => ", ended by an error",
+        StoppedBy::Iterations | StoppedBy::Time | StoppedBy::Target => "",
+    };
     let mut text = format!(
         "{} and {}: {} iterations in {}, {:.1} Mray/s, mean luminance {:.4}{stopped}\n",
         report.exr,

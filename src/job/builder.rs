@@ -1,6 +1,6 @@
 //! What a job renders and how: the methods of [`RenderJob`] before it runs.
 
-use super::{RenderJob, Shard, Start};
+use super::{PlantedFailure, RenderJob, Shard, Start};
 use crate::accel::Intersect;
 use crate::adaptive::plan::Plan;
 use crate::adaptive::stopping::Stop;
@@ -49,6 +49,7 @@ impl RenderJob {
             denoise: false,
             shard: None,
             interrupt: Arc::default(),
+            planted: None,
         }
     }
 
@@ -165,7 +166,15 @@ impl RenderJob {
         Self { shard, ..self }
     }
 
-    /// Ends the job after the iteration in which this flag is set.
+    /// Plants a failure, so that a test can see that the image is not lost.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn plant_failure(self, planted: PlantedFailure) -> Self {
+        Self { planted: Some(planted), ..self }
+    }
+
+    /// Ends the job after the iteration in which this flag is set. If that is the first one, or a pilot, the job ends at
+    /// once with [`Error::interrupted`](crate::Error::interrupted).
     #[must_use]
     pub fn interrupted_by(self, interrupt: Arc<AtomicBool>) -> Self {
         Self { interrupt, ..self }

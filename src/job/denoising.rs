@@ -2,7 +2,7 @@
 
 use crate::adaptive::error_interval::{ErrorInterval, SquaredPart};
 use crate::adaptive::stopping::Stop;
-use crate::base::error::{Error, Result};
+use crate::base::error::Result;
 use crate::base::math::Rgb;
 use crate::film::folds::DENOISE_FOLDS;
 use crate::noise::bias::UPPER_BOUND;
@@ -141,8 +141,6 @@ pub struct Denoising {
     iterations: u64,
     /// The error that was promised for the end, once a part of the time had passed.
     pub promise: Option<DenoisedPromise>,
-    /// The error of the denoiser if it could not denoise the final image.
-    pub failure: Option<Error>,
 }
 
 /// A promise about the relative error of the denoised image at the end.
@@ -218,7 +216,6 @@ impl Denoising {
             latest: None,
             iterations: 0,
             promise: None,
-            failure: None,
         }))
     }
 

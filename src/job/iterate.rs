@@ -4,16 +4,18 @@ use super::Event;
 use super::leader::Leader;
 use super::result::RenderResult;
 use super::state::RenderState;
+use super::step::Step;
 use crate::adaptive::stopping::StoppedBy;
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
 use crate::render::IterationReport;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-/// Renders until a stop condition holds, or the user or `observer` interrupts.
+/// Renders until a stop condition holds, or the user or `observer` interrupts. An error after the first iteration ends
+/// the render with the image so far.
 pub(super) fn run(
     mut state: RenderState,
-    mut leader: Option<Leader>,
+    leader: &mut Option<Leader>,
     observer: &mut impl FnMut(Event) -> ControlFlow<()>,
 ) -> Result<RenderResult> {
     if observer(Event::Started(&state)).is_break() {
@@ -23,26 +25,60 @@ pub(super) fn run(
         if let Some(reason) = state.finished() {
             break reason;
         }
-        iterate(&mut state, leader.as_mut(), observer)?;
-        state.estimate_if_due();
-        if state.revise_choice()? {
-            let _ = observer(Event::Revised(&state));
-            continue;
-        }
-        if let Some((error, suffices)) = state.denoised_error()? {
-            let _ = observer(Event::Denoised(&error, state.elapsed()));
-            if suffices {
-                break StoppedBy::Target;
+        match advance(&mut state, leader.as_mut(), observer) {
+            Ok(ControlFlow::Continue(())) => {}
+            Ok(ControlFlow::Break(reason)) => break reason,
+            Err(error) if state.renderer.iterations() == 0 => return Err(error),
+            Err(error) => {
+                state.failure.get_or_insert(error);
+                break StoppedBy::Failure;
             }
         }
-        if observer(Event::Iterated(&mut state)).is_break() || state.is_interrupted() {
-            break StoppedBy::Interrupt;
-        }
     };
-    if let Some(leader) = leader {
-        leader.shut_down()?;
+    if let Some(leader) = leader
+        && let Err(error) = leader.dismiss()
+    {
+        state.failure.get_or_insert(error);
     }
-    RenderResult::new(state, stopped_by)
+    Ok(RenderResult::new(state, stopped_by))
+}
+
+/// Renders one iteration, and decides what follows from it.
+fn advance(
+    state: &mut RenderState,
+    leader: Option<&mut Leader>,
+    observer: &mut impl FnMut(Event) -> ControlFlow<()>,
+) -> Result<ControlFlow<StoppedBy>> {
+    iterate(state, leader, observer)?;
+    if state.renderer.iterations() == 0 {
+        return Err(Error::interrupted());
+    }
+    state.estimate_if_due()?;
+    match state.revise_choice() {
+        Ok(false) => {}
+        Ok(true) => {
+            let _ = observer(Event::Revised(state));
+            return Ok(ControlFlow::Continue(()));
+        }
+        Err(error) => {
+            let _ = observer(Event::Warning(format!("the technique is kept: {error}")));
+        }
+    }
+    match state.denoised_error() {
+        Ok(None) => {}
+        Ok(Some((error, suffices))) => {
+            let _ = observer(Event::Denoised(&error, state.elapsed()));
+            if suffices {
+                return Ok(ControlFlow::Break(StoppedBy::Target));
+            }
+        }
+        Err(error) => {
+            let _ = observer(Event::Warning(format!("the image will not be denoised: {error}")));
+            state.failure.get_or_insert(error);
+        }
+    }
+    let is_over = observer(Event::Iterated(state)).is_break() || state.is_interrupted();
+    Ok(if is_over { ControlFlow::Break(StoppedBy::Interrupt) } else { ControlFlow::Continue(()) })
 }
 
 /// Renders one iteration, or one round of iterations of all processes.
@@ -53,15 +89,21 @@ fn iterate(
 ) -> Result<()> {
     let elapsed = state.elapsed().as_secs_f64();
     let threads = Arc::clone(&state.threads);
-    let RenderState { policy, renderer, .. } = &mut *state;
-    let measure = threads.install(|| policy.prepare(renderer, elapsed))?;
-    let reports = match leader {
-        Some(leader) => leader.round(state)?,
+    let measure = state.attempt(Step::Preparation, |state| {
+        let RenderState { policy, renderer, stop, .. } = state;
+        threads.install(|| policy.prepare(renderer, stop, elapsed))
+    })?;
+    if let Some(error) = state.policy.take_failure() {
+        let _ = observer(Event::Warning(format!("the path counts are kept: {error}")));
+    }
+    let reports = state.attempt(Step::Iteration, |state| match leader {
+        Some(leader) => leader.round(state),
         None => {
+            let renderer = &mut state.renderer;
             let number = renderer.next_iteration();
-            vec![(threads.install(|| renderer.iterate(measure)), number)]
+            Ok(vec![(threads.install(|| renderer.iterate(measure)), number)])
         }
-    };
+    })?;
     for (report, number) in &reports {
         state.totals.add(report);
         if let Some(warning) = bad_pixel(state, report, *number) {

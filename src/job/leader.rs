@@ -59,12 +59,15 @@ pub(super) struct WorkerResult {
     pub totals: Totals,
     /// True if any process was interrupted.
     pub is_interrupted: bool,
+    /// Error of a process that could not render its iterations.
+    pub failure: Option<String>,
 }
 
 impl WorkerResult {
     pub fn add(&mut self, other: Self) -> Result<()> {
         self.totals.join(&other.totals);
         self.is_interrupted |= other.is_interrupted;
+        self.failure = self.failure.take().or(other.failure);
         self.sums.merge(other.sums)
     }
 }
@@ -107,6 +110,15 @@ pub(super) struct Leader<'a> {
     iteration_time: f64,
     /// Seconds of the last exchange.
     adding: f64,
+    stage: Stage,
+}
+
+/// What the workers wait for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    Setup,
+    Round,
+    Nothing,
 }
 
 impl<'a> Leader<'a> {
@@ -120,6 +132,7 @@ impl<'a> Leader<'a> {
             each: 1,
             iteration_time: 0.0,
             adding: 0.0,
+            stage: Stage::Setup,
         })
     }
 
@@ -144,9 +157,10 @@ impl<'a> Leader<'a> {
     }
 
     /// Sends the setup to all workers.
-    pub fn set_up(&self, provenance: &Provenance, config: RenderConfig) -> Result<()> {
+    pub fn set_up(&mut self, provenance: &Provenance, config: RenderConfig) -> Result<()> {
         let (backend, settings) = (provenance.backend.clone(), provenance.settings.clone());
-        self.ranks.broadcast(Some(RenderSetup { backend, settings, config })).map(|_| ())
+        self.stage = Stage::Round;
+        self.ranks.broadcast(Some(Some(RenderSetup { backend, settings, config }))).map(|_| ())
     }
 
     /// Renders one round on all processes and adds up their sums. Returns the reports of this process. The work of the
@@ -174,7 +188,7 @@ impl<'a> Leader<'a> {
         let before = self.exchange.adding.get();
         let reduced =
             self.ranks.reduce(WorkerResult::default(), &self.exchange, WorkerResult::add)?;
-        let WorkerResult { sums, totals, is_interrupted } = reduced.unwrap_or_default();
+        let WorkerResult { sums, totals, is_interrupted, failure } = reduced.unwrap_or_default();
         let adding = Instant::now();
         renderer.add_partial(sums)?;
         let adding = self.exchange.adding.get() + adding.elapsed();
@@ -188,12 +202,21 @@ impl<'a> Leader<'a> {
         state.exchanged.adding = adding;
         state.exchanged.bytes = self.exchange.bytes.get();
         self.grow_round();
+        if let Some(failure) = failure {
+            let advice = "the image has the iterations of the other ranks";
+            let failure = Error::new(format!("a rank stopped: {failure}"), advice);
+            state.failure.get_or_insert(failure);
+        }
         Ok(reports)
     }
 
-    /// Ends all workers.
-    pub fn shut_down(self) -> Result<()> {
-        self.ranks.broadcast::<Option<Round>>(Some(None)).map(|_| ())
+    /// Ends all workers that were not ended before.
+    pub fn dismiss(&mut self) -> Result<()> {
+        match std::mem::replace(&mut self.stage, Stage::Nothing) {
+            Stage::Setup => self.ranks.broadcast::<Option<RenderSetup>>(Some(None)).map(|_| ()),
+            Stage::Round => self.ranks.broadcast::<Option<Round>>(Some(None)).map(|_| ()),
+            Stage::Nothing => Ok(()),
+        }
     }
 
     /// Makes the next round longer, until the exchange takes only its share of the time.

@@ -16,6 +16,7 @@ mod result;
 mod revision;
 mod shard;
 mod state;
+mod step;
 mod time_check;
 mod worker;
 
@@ -24,6 +25,7 @@ pub use outline::JobOutline;
 pub use result::{RelativeError, RenderResult};
 pub use shard::Shard;
 pub use state::{Exchanged, NoiseAt, RenderState, Status, TimeForecast, Totals, best_measured};
+pub use step::{PlantedFailure, Step};
 pub use time_check::check_time;
 pub use worker::report_failure;
 
@@ -106,6 +108,7 @@ pub struct RenderJob {
     denoise: bool,
     shard: Option<Shard>,
     interrupt: Arc<AtomicBool>,
+    planted: Option<PlantedFailure>,
 }
 
 /// Start of an image.
@@ -165,16 +168,33 @@ impl RenderJob {
     /// Renders as rank 0 of several processes, which leads the others. They [`follow`](Self::follow).
     ///
     /// # Errors
-    /// As [`Self::run`], and if another process has another scene or version.
+    /// As [`Self::run`], and if another process has another scene or version. The other processes then end, too.
     pub fn run_on(
-        mut self,
+        self,
         ranks: &dyn Ranks,
         mut observer: impl FnMut(Event) -> ControlFlow<()>,
     ) -> Result<RenderResult> {
-        let leader = Leader::new(ranks);
+        let mut leader = Leader::new(ranks);
+        let result = self.lead(ranks, &mut leader, &mut observer);
+        if result.is_err()
+            && let Some(leader) = &mut leader
+        {
+            // The error of the render says why.
+            let _ = leader.dismiss();
+        }
+        result
+    }
+
+    /// Renders as the only process, or as that which leads the others.
+    fn lead(
+        mut self,
+        ranks: &dyn Ranks,
+        leader: &mut Option<Leader>,
+        observer: &mut impl FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<RenderResult> {
         let start = self.started.unwrap_or_else(Instant::now);
         let Prepared { scene, accel, threads, mut provenance, build_time } = self.prepare()?;
-        if let Some(leader) = &leader {
+        if let Some(leader) = leader {
             leader.check_workers(&provenance)?;
         }
         let is_automatic = self.is_automatic();
@@ -188,7 +208,7 @@ impl RenderJob {
             let Settings { width, height, .. } = provenance.settings;
             denoising = Denoising::new(threads.current_num_threads(), (width, height), &stop)?;
             if denoising.is_none() {
-                self.leave_out_denoising("it would take too much of the time", &mut observer);
+                self.leave_out_denoising("it would take too much of the time", observer);
             }
         }
         if let (Some(time), Some(denoising)) = (&mut stop.time, &denoising) {
@@ -204,7 +224,10 @@ impl RenderJob {
             provenance.settings.light_visibility =
                 self.visibility_rays(&scene, &provenance.settings, stop.time);
         }
-        let new = || Renderer::new(&scene, &accel, provenance.settings.clone());
+        let new = || {
+            Renderer::new(&scene, &accel, provenance.settings.clone())
+                .map(|new| new.interrupted_by(Arc::clone(&self.interrupt)))
+        };
         let mut config = RenderConfig { ranks: ranks.count(), ..RenderConfig::default() };
         let mut renderer = threads.install(new)?.configure(config)?;
         let (mut selection, mut revision) = (None, None);
@@ -224,7 +247,7 @@ impl RenderJob {
                 *time += unused.reserve();
                 denoising = None;
                 let reason = format!("the noise will be {:.1} % without it", 100.0 * noise);
-                self.leave_out_denoising(&reason, &mut observer);
+                self.leave_out_denoising(&reason, observer);
             }
             let settings = provenance.settings.clone();
             renderer = threads.install(|| renderer.with_settings(settings))?;
@@ -252,7 +275,7 @@ impl RenderJob {
             times,
             iterations.as_ref(),
         )?;
-        if let Some(leader) = &leader {
+        if let Some(leader) = leader {
             leader.set_up(&provenance, *renderer.config())?;
         }
         let regions = scene.regions.iter();
@@ -278,9 +301,11 @@ impl RenderJob {
             interrupt: self.interrupt,
             threads,
             latest_weights: Mutex::default(),
+            failure: None,
+            planted: self.planted,
             clock: RunClock::new(start, self.min_iterations, reserve),
         };
-        iterate::run(state, leader, &mut observer)
+        iterate::run(state, leader, observer)
     }
 
     /// Renders the raw image, since denoising does not pay.
@@ -490,8 +515,8 @@ impl RenderJob {
         };
         let autopilot = match (plan, selection, state) {
             (Some(plan), ..) => return Ok(CountPolicy::Plan(Replay::new(plan))),
-            (None, Some(selection), _) => Autopilot::new(*stop, selection.best().times),
-            (None, None, Some(state)) => Autopilot::resume(*stop, state),
+            (None, Some(selection), _) => Autopilot::new(selection.best().times, stop.bias2),
+            (None, None, Some(state)) => Autopilot::resume(state),
             (None, None, None) => return Ok(CountPolicy::Fixed(self.schedule)),
         };
         // Coefficients of single pixels belong to one pair of path counts.

@@ -2,6 +2,7 @@
 
 use super::denoising::DenoisedReport;
 use super::state::RenderState;
+use super::step::Step;
 use crate::adaptive::error_interval::{ErrorInterval, SquaredPart};
 use crate::adaptive::plan::Plan;
 use crate::adaptive::stopping::{Convergence, StoppedBy, importance};
@@ -57,36 +58,53 @@ pub struct RelativeError {
     pub interval: Option<ErrorInterval>,
 }
 
-impl RenderResult {
-    pub(super) fn new(mut state: RenderState, stopped_by: StoppedBy) -> Result<Self> {
-        let outcome = state.denoise();
+/// Noise, bias and error of the final image.
+#[derive(Default)]
+struct Summary {
+    error: Option<RelativeError>,
+    denoised: Option<DenoisedReport>,
+    rms: Option<(f64, f64)>,
+    merge_bias: Option<MergeBias>,
+}
+
+impl Summary {
+    fn new(state: &RenderState) -> Self {
         let image = state.image();
-        let blocks = state.renderer.blocks();
-        let variance = image.pooled_variance();
-        let rms = variance.map(|(variance, error)| {
+        let rms = image.pooled_variance().map(|(variance, error)| {
             let rms = variance.sqrt();
             (rms, 0.5 * error / rms)
         });
         // A corrected image has no bias left that exceeds the noise.
         let merge_bias = match image.bias_correction() {
-            None => MergeBias::new(blocks, &image),
+            None => MergeBias::new(state.renderer.blocks(), &image),
             Some(_) => None,
         };
+        let error = state.is_automatic.then(|| relative_error(state)).flatten();
+        Self { error, denoised: denoised_report(state), rms, merge_bias }
+    }
+}
+
+impl RenderResult {
+    /// The image of a job that has ended. It is there even if the denoiser or an estimate fails.
+    pub(super) fn new(mut state: RenderState, stopped_by: StoppedBy) -> Self {
+        if let Err(error) = state.denoise() {
+            state.failure.get_or_insert(error);
+        }
+        let summary = state.attempt(Step::Result, |state| Ok(Summary::new(state)));
+        let Summary { error, denoised, rms, merge_bias } = summary.unwrap_or_else(|error| {
+            state.failure.get_or_insert(error);
+            Summary::default()
+        });
+        let image = state.image();
         let resolution = image.resolution();
-        let plan = Plan::of_blocks(blocks, image.weights());
-        let error = state.is_automatic.then(|| relative_error(&state)).flatten();
-        let denoised = denoised_report(&state);
+        let plan = Plan::of_blocks(state.renderer.blocks(), image.weights());
         let pixels = match state.denoised() {
             Some(denoised) => denoised.image.clone(),
             None => image.mean(),
         };
         drop(image);
-        // If the denoiser fails, the image and its layers are still returned.
-        if let (Err(error), Some(denoising)) = (outcome, &mut state.denoising) {
-            denoising.failure = Some(error);
-        }
         let time = state.elapsed();
-        Ok(Self {
+        Self {
             resolution,
             image: pixels,
             error,
@@ -97,7 +115,13 @@ impl RenderResult {
             stopped_by,
             time,
             state,
-        })
+        }
+    }
+
+    /// The error after the first iteration that left the image with fewer iterations than wanted, or not denoised, if
+    /// there was one.
+    pub fn failure(&self) -> Option<&Error> {
+        self.state.failure.as_ref()
     }
 
     /// The technique that the pilot chose, and the others that it compared, if it ran.

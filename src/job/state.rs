@@ -1,11 +1,12 @@
 //! State of a job during and after the render.
 
 use super::denoising::Denoising;
+use super::step::{PlantedFailure, Step, attempt};
 use crate::adaptive::autopilot::Promise;
 use crate::adaptive::count_policy::CountPolicy;
 use crate::adaptive::stopping::{Convergence, Forecast, Stop, StoppedBy, importance};
 use crate::adaptive::technique::{Revision, Selection};
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
 use crate::film::PhaseTimes;
 use crate::film::cells::CellGrid;
 use crate::output::checkpoint::{Checkpoint, ShardedImage};
@@ -78,6 +79,9 @@ pub struct RenderState {
     pub(super) threads: Arc<ThreadPool>,
     pub(super) interrupt: Arc<AtomicBool>,
     pub(super) clock: RunClock,
+    /// The first error after the first iteration, which left the image incomplete or not denoised.
+    pub failure: Option<Error>,
+    pub(super) planted: Option<PlantedFailure>,
 }
 
 /// Times of a run and their forecasts.
@@ -272,7 +276,6 @@ impl RenderState {
         if let Some(end) = self.stop.time {
             let end = self.clock.replace_reserve(end, time);
             self.stop.time = Some(end);
-            self.policy.set_time(end);
         }
     }
 
@@ -345,6 +348,16 @@ impl RenderState {
         self.status.convergence = Some(convergence);
     }
 
+    /// Runs a step; a panic becomes an error.
+    pub(super) fn attempt<T>(
+        &mut self,
+        step: Step,
+        run: impl FnOnce(&mut Self) -> Result<T>,
+    ) -> Result<T> {
+        let (iterations, planted) = (self.renderer.iterations(), self.planted);
+        attempt(step, iterations, planted, || run(self))
+    }
+
     pub(super) fn interrupt(&self) {
         self.interrupt.store(true, Ordering::Relaxed);
     }
@@ -354,18 +367,22 @@ impl RenderState {
     }
 
     /// Calls [`Self::estimate`] at intervals, so that it takes little of the time.
-    pub(super) fn estimate_if_due(&mut self) {
+    pub(super) fn estimate_if_due(&mut self) -> Result<()> {
         self.status.iterations = self.renderer.iterations();
         let elapsed = self.elapsed().as_secs_f64();
         let pause = MAX_ESTIMATE_PAUSE.min(ESTIMATE_PAUSE_SHARE * elapsed);
         let is_large = !CellGrid::of(self.renderer.settings().resolution()).is_single_pixels();
         if is_large && self.status.iterations < 2 {
-            return; // Nothing is known of the noise.
+            return Ok(()); // Nothing is known of the noise.
         }
         let share = if is_large { LARGE_ESTIMATE_COST } else { ESTIMATE_COST };
-        if elapsed >= self.clock.last_estimate + pause.max(self.clock.estimate_time / share) {
-            self.estimate();
+        if elapsed < self.clock.last_estimate + pause.max(self.clock.estimate_time / share) {
+            return Ok(());
         }
+        self.attempt(Step::Estimate, |state| {
+            state.estimate();
+            Ok(())
+        })
     }
 
     /// The reason to stop before the next iteration, if there is one.
@@ -400,6 +417,7 @@ impl RenderState {
     }
 
     /// Estimates the error of the denoised image if that is due. Returns the error, and true if it reaches the target.
+    /// After an error the image will not be denoised.
     pub(super) fn denoised_error(&mut self) -> Result<Option<(ErrorSummary, bool)>> {
         let (elapsed, stop) = (self.elapsed(), self.stop);
         let iterations = self.renderer.iterations();
@@ -413,14 +431,17 @@ impl RenderState {
         let suffices = self.with_denoiser(|denoising, renderer, image| {
             denoising.denoise(renderer, image)?;
             Ok(denoising.check_target(elapsed, &stop))
-        })?;
+        });
+        if suffices.is_err() {
+            self.denoising = None;
+        }
         // If denoising was given up, its time is for samples.
         let kept = self.denoising.as_ref().map_or(Duration::ZERO, Denoising::reserve);
         if let Some(time) = &mut self.stop.time {
             *time += reserved.saturating_sub(kept);
         }
         let error = self.denoising.as_ref().and_then(|denoising| denoising.error().copied());
-        Ok(error.zip(suffices))
+        Ok(error.zip(suffices?))
     }
 
     /// Denoises the final image, with its error. A raw image that reached the target is the result as it is.
@@ -442,7 +463,9 @@ impl RenderState {
     ) -> Result<Option<T>> {
         let Some(mut denoising) = self.denoising.take() else { return Ok(None) };
         let threads = Arc::clone(&self.threads);
-        let done = threads.install(|| run(&mut denoising, &self.renderer, &self.image()));
+        let done = self.attempt(Step::Denoising, |state| {
+            threads.install(|| run(&mut denoising, &state.renderer, &state.image()))
+        });
         self.denoising = Some(denoising);
         done.map(Some)
     }

@@ -4,6 +4,7 @@ use super::Prepared;
 use super::leader::{Ready, RenderSetup, Round, WorkerResult, render_assigned};
 use super::state::Totals;
 use crate::base::error::{Error, Result};
+use crate::base::iteration_set::IterationSet;
 use crate::mpi::{Exchange, Ranks, encode};
 use crate::render::Renderer;
 use crate::scene::backend;
@@ -22,7 +23,9 @@ pub(super) fn follow(
     };
     let prepared_backend = provenance.backend.clone();
     ranks.send(0, &encode(&Ready::Ok(provenance)));
-    let RenderSetup { backend, settings, config } = ranks.broadcast(None)?;
+    let setup = ranks.broadcast::<Option<RenderSetup>>(None)?;
+    // Rank 0 reports why it ended before the render.
+    let Some(RenderSetup { backend, settings, config }) = setup else { return Ok(()) };
     if backend != prepared_backend
         && let Some(backend) = Backend::named(&backend)
     {
@@ -31,18 +34,24 @@ pub(super) fn follow(
     let renderer = threads.install(|| Renderer::new(&scene, &accel, settings))?;
     let mut renderer = renderer.configure(config)?;
     let exchange = Exchange::default();
+    let mut failure = None;
     while let Some(Round { block, schedule, numbers }) = ranks.broadcast::<Option<Round>>(None)? {
-        if let Some((first, counts)) = block {
-            renderer.enter_block(first, counts)?;
+        let entered = block.map_or(Ok(()), |(first, counts)| renderer.enter_block(first, counts));
+        // After a failure this rank has no iterations, so that rank 0 keeps those of the others.
+        if let Err(error) = &entered {
+            failure = Some(format!("rank {}: {error}", ranks.rank()));
         }
-        let assigned = numbers.share(ranks.rank(), ranks.count());
+        let assigned = match failure {
+            None => numbers.share(ranks.rank(), ranks.count()),
+            Some(_) => IterationSet::default(),
+        };
         let is_over = || interrupt.load(Ordering::Relaxed);
         let mut totals = Totals::default();
         for (report, _) in render_assigned(&threads, &mut renderer, assigned, schedule, is_over) {
             totals.add(&report);
         }
-        let result =
-            WorkerResult { sums: renderer.take_partial(), totals, is_interrupted: is_over() };
+        let (sums, is_interrupted) = (renderer.take_partial(), is_over());
+        let result = WorkerResult { sums, totals, is_interrupted, failure: failure.clone() };
         ranks.reduce(result, &exchange, WorkerResult::add)?;
     }
     Ok(())
@@ -54,6 +63,6 @@ pub(super) fn follow(
 /// The error itself, if rank 0 does not end this process.
 pub fn report_failure(ranks: &dyn Ranks, error: Error) -> Result<()> {
     ranks.send(0, &encode(&Ready::Err(error.to_string())));
-    ranks.broadcast::<RenderSetup>(None)?;
+    ranks.broadcast::<Option<RenderSetup>>(None)?;
     Err(error)
 }

@@ -275,6 +275,11 @@ impl MeasureJob {
                 let known = &measurement.warnings;
                 let warning = unknown_bias(&result).filter(|warning| !known.contains(warning));
                 measurement.warnings.extend(warning);
+                if let Some(failure) = result.failure() {
+                    let text = format!("the measurement ended too early: {failure}");
+                    measurement.warnings.push(text);
+                    measurement.reached = false;
+                }
                 for ((index, _), (readings, mean)) in sets.iter().zip(readings) {
                     measurement.sets[*index].add_group(name, readings, mean);
                 }

@@ -88,6 +88,7 @@ impl Renderer {
         while should_continue(iterations, &guide) {
             renderer.set_guide(Some(Arc::clone(&guide)));
             samples.extend(renderer.guide_samples(&guide));
+            renderer.check_interrupt()?;
             second_moment = relative_second_moment(&samples[round..]);
             iterations += 1;
             let rounds = iterations / LEARNING_ROUND;
@@ -127,6 +128,7 @@ impl Renderer {
         // The weights of the pixels need an estimate of the image
         for _ in 0..LEARNING_FIRST {
             renderer.iterate(Measure::Off);
+            renderer.check_interrupt()?;
         }
         Ok(renderer)
     }

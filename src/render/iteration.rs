@@ -1,5 +1,7 @@
 //! One iteration: light phase, photon map, camera phase and merge.
 
+use super::accumulators::SharedStatistics;
+use super::block::Block;
 use super::report::IterationReport;
 use super::tiles::TileBatches;
 use super::worker::Job;
@@ -19,7 +21,9 @@ use crate::transport::mis::Mis;
 use crate::transport::room::Surroundings;
 use rayon::prelude::*;
 use std::mem;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 /// What cuts the merges in media that scatter, if there are any.
@@ -35,7 +39,8 @@ impl Renderer {
     /// Renders one iteration on the threads of the current rayon pool.
     ///
     /// A measured iteration traces at least two camera paths in each pixel. Camera paths beyond the
-    /// pixel's count are left out of the image, so that the image does not depend on `measure`.
+    /// pixel's count are left out of the image, so that the image does not depend on `measure`. An interrupted first
+    /// iteration is left out of the image: see [`Self::interrupted_by`].
     ///
     /// # Panics
     /// If the iteration is measured with fewer than two light paths, or no iteration remains.
@@ -44,12 +49,14 @@ impl Renderer {
         let number = self.next_iteration();
         assert!(number < u64::MAX, "there are iterations to render");
         let iteration = CurrentIteration { number, is_measured: measure != Measure::Off };
+        let interrupt = self.interrupt.clone().filter(|_| self.iterations() == 0);
         // Taken out, so that all threads can read the rest of the renderer.
         let mut block = self.sums.blocks.remove(self.current);
         let mut shared = mem::take(&mut self.sums.shared);
 
         // Light phase: trace light paths and store their photons
         let Self { scene, accel, settings, light_paths, .. } = self;
+        light_paths.interrupt = interrupt.clone();
         let traced = if settings.has_photons() { block.counts.light_paths } else { 0 };
         light_paths.trace(scene, &**accel, settings, traced, number);
 
@@ -62,22 +69,36 @@ impl Renderer {
 
         // Camera phase and merge: each thread traces and merges the camera paths of some tiles
         let (pass, merge) = self.passes(number);
-        let (counts, mut tiles) = block.begin_iteration(iteration, self.request(), &mut shared);
-        let job = Job { aovs: self.config.aovs, ..Job::new(pass, merge, counts, measure) };
-        TileBatches::new(&mut tiles, job.tiles_per_batch())
-            .par_bridge()
-            .for_each_init(|| self.workers.lease(), |worker, tiles| worker.render(&job, tiles));
-
-        // Add up in the order of the tiles: the sum does not depend on the threads
-        let deviation = tiles.iter().map(|tile| tile.film.deviation).sum();
-        block.end_iteration(iteration, deviation);
-        shared.end_iteration(iteration);
+        let mut render_tiles = || {
+            let (counts, mut tiles) = block.begin_iteration(iteration, self.request(), &mut shared);
+            let job = Job { aovs: self.config.aovs, ..Job::new(pass, merge, counts, measure) };
+            let job = Job { interrupt: interrupt.as_deref(), ..job };
+            TileBatches::new(&mut tiles, job.tiles_per_batch())
+                .par_bridge()
+                .for_each_init(|| self.workers.lease(), |worker, tiles| worker.render(&job, tiles));
+            // Add up in the order of the tiles: the sum does not depend on the threads
+            tiles.iter().map(|tile| tile.film.deviation).sum()
+        };
+        let deviation = catch_unwind(AssertUnwindSafe(&mut render_tiles));
+        let is_abandoned = interrupt.is_some_and(|interrupt| interrupt.load(Ordering::Relaxed));
+        if is_abandoned {
+            block = Block::new(&self.request(), block.first, block.counts);
+            shared = SharedStatistics::default();
+            shared.start(&self.request());
+        } else if let Ok(deviation) = deviation {
+            block.end_iteration(iteration, deviation);
+            shared.end_iteration(iteration);
+        }
         let report = IterationReport::new(self, build_time, start);
-        if !iteration.is_measured {
+        if !iteration.is_measured && !is_abandoned {
             block.clock.add(&report.times);
         }
         self.sums.blocks.insert(self.current, block);
         self.sums.shared = shared;
+        // Even a fault of the program leaves the sums in place.
+        if let Err(panic) = deviation {
+            resume_unwind(panic);
+        }
         report
     }
 

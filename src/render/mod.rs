@@ -33,7 +33,7 @@ use crate::film::radiance::Film;
 use crate::film::statistic::{BatchGrain, StatisticRequest};
 use crate::scene::lights::guide::Guide;
 use crate::scene::{Media, Scene, View};
-use crate::settings::{Kernel, MAX_LIGHT_PATHS, Settings, Strategy};
+use crate::settings::{AllowedLightPaths, Kernel, MAX_LIGHT_PATHS, Settings, Strategy};
 use crate::transport::area::Areas;
 use crate::transport::clearance::Clearance;
 use crate::transport::kernel::MergeKernel;
@@ -48,6 +48,7 @@ use block::Block;
 use memory::{bytes_per_light_path, check_memory, film_bytes};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use worker::Worker;
 
 /// Maximum number of blocks of a render that chooses its counts. Each block keeps its own sums in memory.
@@ -128,6 +129,8 @@ pub struct Renderer {
     /// Where surfaces are near, in scenes with media.
     clearance: Option<Arc<Clearance>>,
     workers: Pool<Worker>,
+    /// Abandons the first iteration once it is true.
+    interrupt: Option<Arc<AtomicBool>>,
 }
 
 /// Refuses a scene without light.
@@ -234,6 +237,7 @@ impl Renderer {
             medium_photons: MediumPhotons::default(),
             clearance,
             workers: Pool::default(),
+            interrupt: None,
         })
     }
 
@@ -269,6 +273,7 @@ impl Renderer {
                 self.clearance.as_ref(),
             )?
         };
+        let renderer = Self { interrupt: self.interrupt.clone(), ..renderer };
         // The guide depends neither on the path counts and sets nor on the seed.
         let Settings { light_paths, camera_paths, sobol_set, seed, mis_scales, .. } = self.settings;
         let new = &renderer.settings;
@@ -292,6 +297,30 @@ impl Renderer {
         let [width, height] =
             [settings.width, settings.height].map(|pixels| (pixels / stride).max(1));
         Ok(Self { view, ..self.with_settings(Settings { width, height, ..settings })? })
+    }
+
+    /// Abandons the first iteration, here and in renderers made from this one, once `interrupt` is true. Later
+    /// iterations are finished, so that images with equal iterations are equal.
+    #[must_use]
+    pub fn interrupted_by(self, interrupt: Arc<AtomicBool>) -> Self {
+        Self { interrupt: Some(interrupt), ..self }
+    }
+
+    /// Finishes even an interrupted first iteration.
+    #[must_use]
+    pub fn uninterrupted(self) -> Self {
+        Self { interrupt: None, ..self }
+    }
+
+    /// Refuses to go on once the user has interrupted the program.
+    ///
+    /// # Errors
+    /// [`Error::interrupted`].
+    pub fn check_interrupt(&self) -> Result<()> {
+        match &self.interrupt {
+            Some(interrupt) if interrupt.load(Ordering::Relaxed) => Err(Error::interrupted()),
+            _ => Ok(()),
+        }
     }
 
     /// Selects the statistics that are kept; see [`RenderConfig`].
@@ -360,6 +389,13 @@ impl Renderer {
     pub fn begin_block(&mut self, counts: Counts) -> Result<()> {
         let end = |block: &Block| block.numbers.ranges().last().map_or(0, |range| range.end);
         self.enter_block(self.blocks().iter().map(end).max().unwrap_or(0), counts)
+    }
+
+    /// The numbers of light paths from which a choice of counts takes its own: as settings and memory allow. Without
+    /// photons no light path is traced, so that there is only one number.
+    pub fn allowed_light_paths(&self) -> AllowedLightPaths {
+        let most = if self.settings.has_photons() { self.most_light_paths() } else { 0 };
+        self.settings.allowed_light_paths(most)
     }
 
     /// Maximum number of light paths that take no more than half of the available memory.

@@ -21,6 +21,7 @@ use crate::transport::merge::{Merge, MergeOutput};
 use crate::transport::pair_list::Pair;
 use glam::DVec3;
 use std::mem;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Parameters of an iteration that all tiles have in common.
@@ -38,6 +39,8 @@ pub struct Job<'a> {
     pub aovs: AovSelection,
     /// Approximate number of camera paths that are merged in one batch.
     pub batch_size: usize,
+    /// Leaves out all work once it is true.
+    pub interrupt: Option<&'a AtomicBool>,
 }
 
 impl<'a> Job<'a> {
@@ -49,7 +52,12 @@ impl<'a> Job<'a> {
         measure: Measure,
     ) -> Self {
         let batch_size = merge.batch_size(measure != Measure::Off);
-        Self { pass, merge, counts, measure, aovs: AovSelection::default(), batch_size }
+        let (aovs, interrupt) = (AovSelection::default(), None);
+        Self { pass, merge, counts, measure, aovs, batch_size, interrupt }
+    }
+
+    fn is_interrupted(&self) -> bool {
+        self.interrupt.is_some_and(|interrupt| interrupt.load(Ordering::Relaxed))
     }
 
     /// Minimum number of camera paths that are traced in a pixel.
@@ -217,7 +225,7 @@ pub(super) fn trace(
     counts: &mut WorkerCounts,
     mut merge: impl FnMut(&mut CameraPaths),
 ) {
-    while !ids.is_done() {
+    while !ids.is_done() && !job.is_interrupted() {
         let start = Instant::now();
         paths.clear();
         while !ids.is_done() {

@@ -1,5 +1,6 @@
 //! Settings: everything besides the scene that determines an image, validated.
 
+mod allowed;
 mod checks;
 mod crop;
 mod fixed_array;
@@ -7,6 +8,7 @@ mod length;
 pub mod provenance;
 mod table;
 
+pub use allowed::AllowedLightPaths;
 pub(crate) use checks::{
     ADVICE, MEDIUM_SCALES, as_serde, check_camera_paths, check_light_paths, check_whole_sets,
 };

@@ -7,8 +7,10 @@ use super::checks::{
     checked,
 };
 use super::fixed_array::FixedArray;
-use super::{Bias, Crop, Direct, Kernel, Length, MediumQuery, MisScales, Strategy};
-use super::{DEFAULT_WAVELENGTH_WIDTH, MAX_LIGHT_PATHS, crop};
+use super::{
+    AllowedLightPaths, Bias, Crop, Direct, Kernel, Length, MediumQuery, MisScales, Strategy,
+};
+use super::{DEFAULT_WAVELENGTH_WIDTH, crop};
 use crate::base::error::Result;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -289,14 +291,9 @@ impl Settings {
         light_paths / self.sobol_set
     }
 
-    /// The multiple of the sets of light paths that is nearest to a number, at least [`MIN_SETS`] sets.
-    pub fn whole_sets(&self, light_paths: u32) -> u32 {
-        if self.sobol_set == 1 {
-            return light_paths;
-        }
-        let most = MAX_LIGHT_PATHS / self.sobol_set;
-        let sets = light_paths.saturating_add(self.sobol_set / 2) / self.sobol_set;
-        sets.clamp(MIN_SETS, most) * self.sobol_set
+    /// The numbers of light paths that an iteration may have, up to `most`.
+    pub fn allowed_light_paths(&self, most: u32) -> AllowedLightPaths {
+        AllowedLightPaths::new(self.sobol_set, most)
     }
 
     /// Constants of MIS weights.

@@ -25,6 +25,7 @@ use rayon::prelude::*;
 use std::mem;
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Light paths per batch. It is fixed, so that results do not depend on the number of threads. As many fill ray
@@ -43,6 +44,8 @@ pub struct LightPaths {
     pub guide: Option<Arc<Guide>>,
     /// Distinguishes the sides of surfaces, for merges by area.
     pub areas: Option<Arc<Areas>>,
+    /// Leaves out paths once it is true.
+    pub interrupt: Option<Arc<AtomicBool>>,
 }
 
 impl LightPaths {
@@ -61,7 +64,7 @@ impl LightPaths {
         let key = StreamKey::new(settings.seed, Stream::LightPath, iteration);
         let count = light_paths.div_ceil(BATCH);
         self.batches.resize_with(count as usize, Batch::default);
-        let Self { batches, tracers, guide, areas } = self;
+        let Self { batches, tracers, guide, areas, interrupt } = self;
         let (guide, areas) = (guide.as_deref(), areas.as_deref());
         let sets = StreamKey::new(settings.seed, Stream::LightPathSet, iteration);
         let splitting = settings.splitting as f32;
@@ -71,7 +74,9 @@ impl LightPaths {
             || tracers.lease(),
             |tracer, (batch, index)| {
                 let first = index * BATCH;
-                tracer.trace(&pass, first..light_paths.min(first + BATCH), batch);
+                let is_over = interrupt.as_ref().is_some_and(|own| own.load(Ordering::Relaxed));
+                let count = if is_over { 0 } else { BATCH.min(light_paths - first) };
+                tracer.trace(&pass, first..first + count, batch);
             },
         );
     }

@@ -62,11 +62,11 @@ pub fn automatic(
     };
     let time = Some(Duration::from_secs(seconds));
     let goal = Stop { time, objective: Objective::Pooled, ..Stop::default() };
-    let mut pilot = Autopilot::new(goal, times).with_times(times);
+    let mut pilot = Autopilot::new(times, 0.0).with_times(times);
     let mut renderer = Renderer::new(scene, accel, settings).unwrap();
     let mut elapsed = 0.0;
     while elapsed < seconds as f64 {
-        let measure = pilot.prepare(&mut renderer, elapsed).unwrap();
+        let measure = pilot.prepare(&mut renderer, &goal, elapsed);
         renderer.iterate(measure);
         let counts = &renderer.block().counts;
         elapsed += times.iteration(f64::from(counts.light_paths), counts.camera_paths.mean());

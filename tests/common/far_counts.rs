@@ -5,7 +5,7 @@ use bdpm::accel::Intersect;
 use bdpm::noise::Measure;
 use bdpm::noise::image::{NoiseImage, Statistic};
 use bdpm::render::RenderConfig;
-use bdpm::settings::{Direct, Kernel, MisScales};
+use bdpm::settings::{Direct, Kernel, MAX_LIGHT_PATHS, MisScales};
 use bdpm::{Renderer, Scene, Settings};
 use std::sync::Arc;
 
@@ -67,7 +67,7 @@ impl Subject<'_> {
         let Self { name, scene, settings, iterations, quiet, most } = self;
         let accel = accel(scene);
         let at = |light_paths, camera_paths, seed| Settings {
-            light_paths: settings.whole_sets(light_paths),
+            light_paths: settings.allowed_light_paths(MAX_LIGHT_PATHS).nearest(light_paths),
             camera_paths,
             seed,
             ..settings.clone()

@@ -3,6 +3,7 @@
 
 use crate::common::Estimate;
 use crate::common::automatic::*;
+use bdpm::Stop;
 use bdpm::adaptive::count_policy::{CountPolicy, Replay};
 use bdpm::adaptive::plan::Plan;
 use bdpm::film::counts::{CameraCounts, Counts};
@@ -91,7 +92,7 @@ fn a_plan_replays_the_combined_image_bit_for_bit() {
     let mut again = Renderer::new(&scene, &accel, settings).unwrap();
     let mut replay = CountPolicy::Plan(Replay::new(plan.clone()));
     for _ in 0..plan.iterations().unwrap() {
-        replay.prepare(&mut again, 0.0).unwrap();
+        replay.prepare(&mut again, &Stop::default(), 0.0).unwrap();
         again.iterate(Measure::Off);
     }
     let replayed = CombinedImage::new(again.blocks(), replay.weights(again.blocks(), &[]));

@@ -1,6 +1,7 @@
 //! Parts of an image, rendered apart and merged: all that is kept is what one run keeps.
 
 use crate::common::automatic::*;
+use bdpm::Stop;
 use bdpm::adaptive::count_policy::{CountPolicy, Replay};
 use bdpm::adaptive::plan::{Plan, Rendered, Step};
 use bdpm::base::iteration_set::IterationSet;
@@ -41,7 +42,7 @@ fn part(
     let mut renderer = renderer.configure(config).unwrap();
     renderer.assign(own.clone());
     while renderer.iterations() < own.count() {
-        let measure = policy.prepare(&mut renderer, 0.0).unwrap();
+        let measure = policy.prepare(&mut renderer, &Stop::default(), 0.0).unwrap();
         renderer.iterate(measure);
     }
     let (backend, fingerprint) = ("bvh".into(), scene.fingerprint());
@@ -256,7 +257,7 @@ fn parts_of_a_plan_are_weighted_as_it_says_and_gaps_are_filled() {
     assert_eq!(renderer.config().aovs, ALL);
     let mut policy = CountPolicy::Plan(Replay::new(plan.unwrap()));
     while renderer.iterations() < 40 {
-        let measure = policy.prepare(&mut renderer, 0.0).unwrap();
+        let measure = policy.prepare(&mut renderer, &Stop::default(), 0.0).unwrap();
         renderer.iterate(measure);
     }
     renderer.blocks().iter().zip(&one.blocks[..]).for_each(|(m, w)| assert_same(m, w));

@@ -4,7 +4,7 @@ use super::measured::{Budget, MeasuredProblem};
 use super::predict::Predicted;
 use super::{NEAR_OPTIMUM, Problem};
 use crate::film::counts::Counts;
-use crate::settings::Settings;
+use crate::settings::{MAX_LIGHT_PATHS, Settings};
 use serde::Serialize;
 use std::ops::RangeInclusive;
 
@@ -82,8 +82,12 @@ impl ComparedCounts {
     /// The same with whole sets of light paths.
     #[must_use]
     pub fn in_whole_sets(mut self, settings: &Settings) -> Self {
+        if settings.sobol_set == 1 {
+            return self;
+        }
+        let allowed = settings.allowed_light_paths(MAX_LIGHT_PATHS);
         for (_, counts) in &mut self.all {
-            counts.light_paths = settings.whole_sets(counts.light_paths);
+            counts.light_paths = allowed.nearest(counts.light_paths);
         }
         self
     }

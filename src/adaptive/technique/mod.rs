@@ -20,7 +20,9 @@ pub use revision::{Revised, Revision, TimeShare};
 use crate::base::error::Result;
 use crate::film::cells::CellGrid;
 use crate::render::Renderer;
-use crate::settings::{Bias, Direct, Kernel, MIN_SETS, MediumQuery, Settings, Strategy};
+use crate::settings::{
+    Bias, Direct, Kernel, MAX_LIGHT_PATHS, MIN_SETS, MediumQuery, Settings, Strategy,
+};
 use crate::simd::sobol::MAX_POINTS;
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
@@ -381,7 +383,7 @@ impl Selection {
         if self.open.sobol_set {
             own.sobol_set = largest_sobol_set(own.light_paths);
         }
-        own.light_paths = own.whole_sets(own.light_paths);
+        own.light_paths = own.allowed_light_paths(MAX_LIGHT_PATHS).nearest(own.light_paths);
         own
     }
 

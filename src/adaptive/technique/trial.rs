@@ -292,6 +292,7 @@ impl<'a> TrialRunner<'a> {
             || iterations < 2
         {
             photons += renderer.iterate(Measure::Pairs).photons;
+            renderer.check_interrupt()?;
             iterations += 1;
         }
         let noise = renderer.block().noise_image()?;
@@ -308,6 +309,7 @@ impl<'a> TrialRunner<'a> {
                 || timed < TRIAL_TIMED && elapsed() < TRIAL_PATIENCE * seconds
             {
                 renderer.iterate(Measure::Off);
+                renderer.check_interrupt()?;
                 timed += 1;
             }
             samples.extend(times(&renderer));
@@ -382,6 +384,7 @@ fn seconds_per_path(renderer: &Renderer, stride: u32) -> Result<f64> {
     probe.iterate(Measure::Pairs);
     let start = Instant::now();
     probe.iterate(Measure::Pairs);
+    probe.check_interrupt()?;
     Ok(start.elapsed().as_secs_f64() / paths)
 }
 

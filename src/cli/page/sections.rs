@@ -32,6 +32,7 @@ pub fn summary(snapshot: &Snapshot) -> Markup {
     let (progress, class) = match snapshot.report.map(|report| report.run.stopped_by) {
         None => ("rendering", "running"),
         Some(StoppedBy::Interrupt) => ("stopped by Ctrl-C", "stopped"),
+        Some(StoppedBy::Failure) => ("stopped by an error", "stopped"),
         Some(_) => ("done", "done"),
     };
     let (left, fraction) = state.status.time_left(&state.stop, elapsed);
