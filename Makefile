@@ -48,7 +48,8 @@ check: setup denoiser
 	CARGO_PROFILE_DEV_OPT_LEVEL=1 $(CARGO) test $(FLAGS) --package bdpm --no-default-features --test accel
 	CARGO=$(CARGO) scripts/check-ranks.sh
 
-# The longest tables, 10 minutes on 2 cores: run them after a change of an estimator or of its weights.
+# Every test with `#[ignore]`, all of which are in tests/check (CONTRIBUTING.md lists them): 10 minutes and more on 2
+# cores. Run them every night, and after a change of an estimator or of its weights.
 check-long: setup
 	$(CARGO) test $(FLAGS) --package bdpm --test check -- --ignored
 

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Makes the pictures of the documentation in docs/pictures, as JPEG files of at most 400 KB.
+# Makes the pictures of scenes in docs/pictures, as JPEG files of at most 400 KB. CONTRIBUTING.md says where the other
+# pictures of the documentation come from.
 #
 #   scripts/pictures.sh            all of them: about 90 minutes on two cores
 #   scripts/pictures.sh NAME...    only these; each takes at most 15 minutes
 #
 # Set SECONDS_EACH=5 for a quick trial: then no render takes longer than that. OUT=FOLDER writes to another
-# folder. BDPM and PICTURE name programs that are built already. The pictures of Blender are made by
-# scripts/blender_demo.py.
+# folder. BDPM and PICTURE name programs that are built already.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

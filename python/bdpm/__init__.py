@@ -1,4 +1,4 @@
-"""Bidirectional photon mapping that measures, predicts and minimizes its own noise.
+"""Bidirectional photon mapping that measures and predicts its own noise.
 
     import bdpm
 

@@ -50,8 +50,8 @@ def render(
 ) -> RenderResult:
     """Renders a scene and returns a `RenderResult`.
 
-    Without other arguments than the end, the technique, the merge radii and the path counts that minimize the error are
-    chosen. Settings that are given are not chosen.
+    Without other arguments than the end, short trials choose the technique and the merge radii, and the render chooses
+    its path counts. Both aim at the least error. Settings that are given are not chosen.
 
     End of the render (default: a relative error of 1 %):
 

@@ -256,7 +256,7 @@ struct CameraArgs {
         allow_hyphen_values = true
     )]
     look_at: Option<LookAt>,
-    /// Set the full opening angle of the camera, across the side it refers to
+    /// Set the full opening angle, across the width or height as in the scene file
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
     fov: Option<f32>,
     /// Use the camera of this scene; of a .toml file only [camera] and [render] count

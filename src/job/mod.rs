@@ -75,8 +75,8 @@ const ENOUGH_VISIBILITY_SECONDS: f64 = 20.0;
 
 /// Renders a scene until a [`Stop`] condition holds.
 ///
-/// By default, the job chooses the technique, merge radii, guide and path counts that minimize the total error (noise
-/// and merge bias). Settings that [`Self::settings`] fixes are not chosen.
+/// By default, short trials choose the technique, merge radii and guide with the least predicted error (noise and merge
+/// bias), and the job chooses its path counts. Settings that [`Self::settings`] fixes are not chosen.
 ///
 /// ```no_run
 /// use bdpm::{RenderJob, Stop};

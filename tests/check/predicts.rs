@@ -2,9 +2,10 @@
 
 use crate::common::committed;
 use crate::common::far_counts::{Subject, assert_far_counts};
+use crate::common::fog::foggy_room;
 use crate::common::{MIS, furnished_box, settings};
 use bdpm::Settings;
-use bdpm::settings::{Direct, Kernel, MisScales, Strategy};
+use bdpm::settings::{Direct, Kernel, MediumQuery, MisScales, Strategy};
 
 #[test]
 #[ignore = "takes minutes: make check-long"]
@@ -30,6 +31,30 @@ fn noise_of_guided_light_paths_is_predicted_at_far_counts() {
     let (name, scene) = ("guided".into(), &furnished_box());
     Subject { name, scene, settings, iterations: 16000, quiet: 1.0, most: 0.03 }
         .assert_far_counts(&[(30_000, 4, 1000), (300, 100, 800)]);
+}
+
+/// Direct light from photons in fog. All pixels share bright photons, so that the error of a sampled
+/// variance is underestimated at the iterations of `tests/transport/media.rs`.
+#[test]
+#[ignore = "takes minutes: make check-long"]
+fn noise_of_photons_in_media_is_predicted() {
+    let scene = &foggy_room();
+    for (merge_vertex, medium_query) in
+        [(1, MediumQuery::Points), (1, MediumQuery::Beams), (2, MediumQuery::Beams)]
+    {
+        let settings = Settings {
+            direct: Direct::PhotonMap,
+            merge_vertex,
+            medium_query,
+            medium_scale: 1.5,
+            radius: 0.25,
+            caustic_radius: 0.2,
+            ..settings(8, 8)
+        };
+        let name = format!("fog k = {merge_vertex} {medium_query:?}");
+        Subject { name, scene, settings, iterations: 6000, quiet: 1.0, most: 0.045 }
+            .assert_far_counts(&[(6000, 4, 1200), (300, 60, 1200)]);
+    }
 }
 
 /// By all ways at once, with areas and a radius of their own for caustics, as a render without options does.

@@ -7,6 +7,7 @@ pub mod committed;
 pub mod denoised;
 pub mod desk;
 pub mod far_counts;
+pub mod fog;
 pub mod gltf;
 pub mod html;
 pub mod images;

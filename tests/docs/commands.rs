@@ -17,7 +17,8 @@ const SMALL_BDPM: &str = include_str!("small-bdpm.sh");
 /// Stands for `make`, `cargo`, scripts and others in the blocks: checks that targets and files exist.
 const CHECK_NAMES: &str = include_str!("check-names.sh");
 
-const SUBCOMMANDS: [&str; 16] = [
+/// All subcommands: `claims.rs` compares them with the program.
+pub const SUBCOMMANDS: [&str; 16] = [
     "render",
     "measure",
     "merge",

@@ -1,5 +1,6 @@
-//! The documentation: its links, its commands, and its copy of the help texts.
+//! The documentation: its links, its commands, its claims, and its copy of the help texts.
 
+mod claims;
 mod commands;
 mod help;
 mod links;

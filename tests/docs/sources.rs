@@ -1,6 +1,7 @@
-//! Sources cite pages and equations that exist.
+//! Sources cite pages, equations and targets that exist.
 
 use super::markdown::{Page, files, root};
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -40,14 +41,54 @@ fn cited_pages_exist() {
     assert!(problems.is_empty(), "there is no such page:\n{}", problems.join("\n"));
 }
 
+/// The number of the equation that a line of a code block ends with, after two spaces.
+fn equation_number(line: &str) -> Option<&str> {
+    let (equation, number) = line.strip_suffix(')')?.rsplit_once('(')?;
+    let is_number = number.starts_with(|c: char| c.is_ascii_digit())
+        && number.chars().all(|c| c.is_ascii_digit() || c.is_ascii_lowercase());
+    (is_number && equation.ends_with("  ")).then_some(number)
+}
+
+/// Numbers of all equations of the theory in their order.
+fn equation_numbers() -> Vec<String> {
+    let blocks = Page::read("docs/explanation/theory.md").blocks();
+    let lines = blocks.iter().flat_map(|block| block.text.lines());
+    lines.filter_map(equation_number).map(str::to_owned).collect()
+}
+
+#[test]
+fn equation_numbers_are_unique() {
+    let numbers = equation_numbers();
+    assert!(numbers.len() > 100, "there are too few equations: {}", numbers.len());
+    let mut seen = BTreeSet::new();
+    let repeated: Vec<_> = numbers.iter().filter(|number| !seen.insert(*number)).collect();
+    assert!(repeated.is_empty(), "several equations have the number {repeated:?}");
+    assert_eq!(equation_number("a = b(2) + c   (93h)"), Some("93h"));
+    assert_eq!(equation_number("a = f of (29)"), None);
+}
+
+/// Tests that are too long for continuous integration are in `tests/check` and run by their target.
+#[test]
+fn ignored_tests_name_the_target_that_runs_them() {
+    let makefile = fs::read_to_string(root().join("Makefile")).unwrap();
+    assert!(makefile.contains("\ncheck-long:") && makefile.contains("--test check -- --ignored"));
+    for (path, text) in sources() {
+        for rest in text.split("#[ignore").skip(1) {
+            let reason = rest.split(']').next().unwrap();
+            let is_run = reason.ends_with("make check-long\"") && path.starts_with("tests/check");
+            assert!(is_run, "{}: no target runs an ignored test", path.display());
+        }
+    }
+}
+
 #[test]
 fn cited_equations_exist() {
-    let theory = Page::read("docs/explanation/theory.md").text;
+    let theory: BTreeSet<String> = equation_numbers().into_iter().collect();
     let mut problems = Vec::new();
     for (path, text) in sources() {
         for rest in text.split("theory.md (").skip(1) {
             let number = rest.split(')').next().unwrap();
-            if !theory.contains(&format!("({number})")) {
+            if !theory.contains(number) {
                 problems.push(format!("{}: theory.md ({number})", path.display()));
             }
         }

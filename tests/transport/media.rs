@@ -1,6 +1,7 @@
 //! Media: against closed forms, and against the path tracer.
 
 use crate::common::far_counts;
+use crate::common::fog::*;
 use crate::common::images::{Difference, Subject};
 use crate::common::*;
 use bdpm::accel::Intersect;
@@ -29,47 +30,6 @@ use std::sync::Arc;
 
 /// Pixels across and down.
 pub(super) const SIDE: u32 = 8;
-
-pub(super) fn medium(absorption: Vec3, scattering: Vec3, asymmetry: f32) -> Arc<Medium> {
-    Arc::new(Medium { name: "fog".into(), absorption, scattering, asymmetry, priority: 0 })
-}
-
-pub(super) fn gray_medium(absorption: f32, scattering: f32, asymmetry: f32) -> Arc<Medium> {
-    medium(Vec3::splat(absorption), Vec3::splat(scattering), asymmetry)
-}
-
-/// A material around a medium.
-fn around(interior: &Arc<Medium>, bsdf: Bsdf) -> Material {
-    let boundary = MediumBoundary { interior: Some(interior.clone()), exterior: None };
-    Material { boundary: Some(boundary), ..Material::new("boundary", bsdf) }
-}
-
-/// A material around a medium that does not refract.
-pub(super) fn index_matched(interior: &Arc<Medium>) -> Material {
-    around(interior, Bsdf::ThinDielectric(ThinDielectric::new(1.0)))
-}
-
-fn filled(scene: Arc<Scene>, medium: Arc<Medium>) -> Arc<Scene> {
-    Arc::unwrap_or_clone(scene).with_filling_medium(Some(medium)).unwrap().into()
-}
-
-/// The six sides of a cube, with fronts outside or inside.
-fn cube(center: Vec3, half: f32, inward: bool, material: u32) -> Vec<Mesh> {
-    let sides = [Vec3::X, Vec3::Y, Vec3::Z].into_iter().flat_map(|axis| [axis, -axis]);
-    let to = if inward { -1.0 } else { 1.0 };
-    sides.map(|side| square(center + half * side, to * side, half, material)).collect()
-}
-
-/// One closed mesh of the sides of a cube: the boundary of a medium.
-pub(super) fn block(center: Vec3, half: f32, material: u32) -> Mesh {
-    let mut whole = Mesh { name: "block".into(), material, ..Mesh::default() };
-    for side in cube(center, half, false, material) {
-        let first = whole.positions.len() as u32;
-        whole.positions.extend(side.positions);
-        whole.triangles.extend(side.triangles.iter().map(|corners| corners.map(|i| i + first)));
-    }
-    whole
-}
 
 /// Ways to merge at one vertex: around points, and along segments.
 fn merging() -> [(Direct, u32, MediumQuery); 6] {
@@ -380,18 +340,8 @@ fn weights_that_do_not_hold_are_refused() {
     }
 }
 
-/// A room of fog around a ball of milk, under a panel as wide as the ceiling.
-fn foggy_room() -> Arc<Scene> {
-    let mut meshes = cube(Vec3::ZERO, 1.0, true, 0);
-    meshes.push(square(Vec3::new(0.0, 0.0, 0.95), -Vec3::Z, 0.8, 1));
-    meshes.push(sphere(Vec3::new(0.1, 0.2, -0.4), 0.4, 2, false, 2));
-    let milk = gray_medium(0.1, 2.0, 0.3);
-    let materials = vec![gray(0.5, 0.0), gray(0.0, 4.0), index_matched(&milk)];
-    let eye = camera(Vec3::new(-0.9, -0.8, 0.2), Vec3::new(0.1, 0.2, -0.6), 70.0);
-    filled(scene(meshes, materials, vec![], eye), gray_medium(0.1, 0.5, 0.0))
-}
-
-/// Coefficients that are measured at few paths tell the noise at others: vertices in media keep to the law.
+/// Coefficients that are measured at few paths tell the noise at others: vertices in media keep to
+/// the law. Direct light from photons takes more iterations: `tests/check/predicts.rs`.
 #[test]
 fn noise_in_media_is_predicted() {
     for (direct, merge_vertex, medium_query) in [(Connect, 2, Points), (Connect, 1, Beams)] {
@@ -399,6 +349,8 @@ fn noise_in_media_is_predicted() {
         let settings = Settings { merge_vertex, direct, medium_query, medium_scale: 1.5, ..asked };
         let name = format!("media {direct:?} k = {merge_vertex} {medium_query:?}");
         let scene = &foggy_room();
+        // Two standard errors: .03 with the 144 pixels of `far_counts::assert_far_counts`, hence
+        // .03 sqrt(144/64) with these 64.
         far_counts::Subject { name, scene, settings, iterations: 3000, quiet: 1.0, most: 0.045 }
             .assert_far_counts(&[(6000, 4, 300), (300, 60, 400)]);
     }

@@ -1,7 +1,7 @@
 //! Chooses the radii of merges in media, over those at surfaces.
 //!
 //! Trials at the radii of the best candidate, with half and with twice its scale, tell how noise and time depend on the
-//! scale. In the second only merges in media have nested radii, which measures their bias alone. theory.md (93h)
+//! scale. In the second only merges in media have nested radii, which measures their bias alone. theory.md (93j)
 
 use super::bias::{Bias, Prior};
 use super::candidate_cost::{Best, CandidateCost, MergeBias};

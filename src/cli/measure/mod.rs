@@ -48,7 +48,7 @@ pub struct Args {
     /// Measure the meters of this .csv or .toml file instead of those of the scene
     #[arg(long, value_name = "FILE")]
     meters: Option<PathBuf>,
-    /// Stop at this relative uncertainty of every meter (95 %) [default: 2%]
+    /// Stop at this relative half-width of every 95 % interval [default: 2%]
     #[arg(long, value_name = "X%", value_parser = share, allow_negative_numbers = true)]
     target_error: Option<f64>,
     /// Apply the target to the mean over each grid instead of to every meter

@@ -61,7 +61,7 @@ fn readings(measurement: &Measurement) -> Markup {
             }
         }
     };
-    table("readings", &html! { "Readings with their uncertainty (95 %)" }, &rows)
+    table("readings", &html! { "Readings with half of the width of their 95 % intervals" }, &rows)
 }
 
 fn extremes(set: &SetReadings) -> Markup {
@@ -110,7 +110,7 @@ fn maps(set: &SetReadings) -> Markup {
             "The " (quantity) " of the grid. The first row is at the top."
         }))
         (map("uncertainty", "uncertainty of each meter", &relative, "%").figure(&[], &html! {
-            "Uncertainty (95 %), relative."
+            "Half of the width of the 95 % interval, relative."
         }))
     }
 }

@@ -1,0 +1,77 @@
+//! Tables and commits in the documentation against the program and the history.
+
+use super::commands::SUBCOMMANDS;
+use super::help::{help, subcommands};
+use super::markdown::{Page, pages, root};
+use std::collections::BTreeSet;
+use std::process::Command;
+
+/// Characters of the hashes that pages cite.
+const HASH_LENGTH: usize = 7;
+
+/// Subcommands in the first column of the table of the command line reference.
+fn tabulated(text: &str) -> BTreeSet<String> {
+    let name = |line: &str| Some(line.strip_prefix("| [`")?.split_once("`](#bdpm-")?.0.to_owned());
+    text.lines().filter_map(name).collect()
+}
+
+#[test]
+fn table_of_subcommands_has_those_of_the_program() {
+    let program: BTreeSet<String> = subcommands().into_iter().collect();
+    assert_eq!(tabulated(&Page::read("docs/reference/command-line.md").text), program);
+    assert_eq!(BTreeSet::from(SUBCOMMANDS.map(str::to_owned)), program);
+}
+
+#[test]
+fn keys_of_every_json_object_are_documented() {
+    let text = Page::read("docs/reference/output-files.md").text;
+    for name in subcommands().iter().filter(|name| help(name).contains("--json")) {
+        let is_documented = text.contains(&format!("\n| `{name}` |"));
+        assert!(is_documented || name == "render", "the keys of `{name}` are missing");
+    }
+}
+
+/// Words that look like abbreviated hashes of commits.
+fn hashes(text: &str) -> impl Iterator<Item = &str> {
+    text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| {
+        let is_hex = word.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
+        let has = |of: fn(&u8) -> bool| word.as_bytes().iter().any(of);
+        // Numbers and words are no hashes.
+        word.len() == HASH_LENGTH
+            && is_hex
+            && has(u8::is_ascii_digit)
+            && has(u8::is_ascii_lowercase)
+    })
+}
+
+/// Standard output of `git` in the repository, if it runs.
+fn git(arguments: &[&str]) -> Option<String> {
+    let output = Command::new("git").current_dir(root()).args(arguments).output().ok()?;
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+/// Archives, shallow clones and copies in other repositories do not have the history.
+#[test]
+fn cited_commits_are_in_the_history() {
+    let kind = git(&["rev-parse", "--is-shallow-repository", "--show-prefix"]);
+    if kind.as_deref() != Some("false\n\n") {
+        return;
+    }
+    let history = git(&["rev-list", "HEAD"]).expect("a history");
+    let history: BTreeSet<&str> =
+        history.lines().filter_map(|hash| hash.get(..HASH_LENGTH)).collect();
+    let mut problems = Vec::new();
+    for page in pages() {
+        let unknown = hashes(&page.text).filter(|hash| !history.contains(hash));
+        problems.extend(unknown.map(|hash| format!("{}: {hash}", page.path.display())));
+    }
+    assert!(problems.is_empty(), "there is no such commit:\n{}", problems.join("\n"));
+}
+
+#[test]
+fn hashes_and_table_rows_are_found() {
+    let text = "Commits 0f13a71 and a593ce1, 2026-11-26: 1234567 pixels, faceade, x0f13a71";
+    assert_eq!(hashes(text).collect::<Vec<_>>(), ["0f13a71", "a593ce1"]);
+    let table = "| [`man`](#bdpm-man) | writes |\n| `glare` | `dgp` |\n";
+    assert_eq!(tabulated(table), BTreeSet::from(["man".to_owned()]));
+}
