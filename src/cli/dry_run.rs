@@ -77,7 +77,6 @@ fn chosen(free: &FreeParameters) -> Vec<&'static str> {
     let FreeParameters {
         strategy,
         direct,
-        kernel,
         radius,
         caustic_radius,
         medium_query,
@@ -90,7 +89,6 @@ fn chosen(free: &FreeParameters) -> Vec<&'static str> {
     let all = [
         (strategy, "strategy"),
         (direct, "direct"),
-        (kernel, "kernel"),
         (radius, "radius"),
         (caustic_radius, "caustic radius"),
         (medium_query || medium_scale, "merges in media"),

@@ -1,5 +1,6 @@
 //! Command line options for the settings of an image, and words for the library's enumerations.
 
+use bdpm::adaptive::technique::FreeParameters;
 use bdpm::scene::backend::Backend;
 use bdpm::settings::{Bias, Direct, Kernel, Length, MediumQuery, PartialSettings, Strategy};
 use clap::Arg;
@@ -66,26 +67,11 @@ pub struct SettingsArgs {
     pub seed: Option<u64>,
 }
 
-/// Options for settings that automatic rendering chooses, by their ids.
-const CHOSEN: &[&str] = &[
-    "light_paths",
-    "camera_paths",
-    "radius",
-    "caustic_radius",
-    "medium_scale",
-    "medium_query",
-    "bias",
-    "kernel",
-    "merge_vertex",
-    "strategy",
-    "guide",
-    "light_visibility",
-    "direct",
-];
-
 /// The option with the default `chosen` in its help, if automatic rendering chooses its value.
 pub fn with_chosen_default(option: Arg) -> Arg {
-    if !CHOSEN.contains(&option.get_id().as_str()) {
+    let name = option.get_id().as_str();
+    let is_count = matches!(name, "light_paths" | "camera_paths");
+    if !(is_count || FreeParameters::ALL.includes(name)) {
         return option;
     }
     let help = option.get_help().map_or(String::new(), StyledStr::to_string);

@@ -86,26 +86,6 @@ fn candidates(selection: &Selection) -> impl Iterator<Item = String> {
     })
 }
 
-/// Returns true if a pilot that may choose these parameters chooses this setting.
-fn is_chosen(open: Option<FreeParameters>, name: &str) -> bool {
-    let Some(open) = open else { return false };
-    match name {
-        "strategy" | "merge_vertex" => open.strategy,
-        "direct" => open.direct,
-        "kernel" => open.kernel,
-        "radius" => open.radius,
-        "caustic_radius" => open.caustic_radius,
-        "medium_query" => open.medium_query,
-        "medium_scale" => open.medium_scale,
-        "guide" => open.guide,
-        "sobol_set" => open.sobol_set,
-        "splitting" => open.splitting,
-        "bias" => open.bias,
-        "light_visibility" => open.any(),
-        _ => false,
-    }
-}
-
 /// Settings of a job, before or after the choice of a pilot.
 struct ResolvedSettings<'a> {
     settings: &'a Settings,
@@ -126,7 +106,7 @@ fn settings_by_origin(args: &Args, input: &SceneInput, resolved: &ResolvedSettin
     let origin = |name: &str| match continued {
         _ if of_command_line.contains(name) => "settings of the command line".to_owned(),
         Some(file) => format!("settings of {}", file.display()),
-        None if is_chosen(chosen, name) => "settings of the pilot".into(),
+        None if chosen.is_some_and(|open| open.includes(name)) => "settings of the pilot".into(),
         None if of_file.contains(name) => "settings of the scene file".into(),
         None => "default settings".into(),
     };
@@ -134,7 +114,7 @@ fn settings_by_origin(args: &Args, input: &SceneInput, resolved: &ResolvedSettin
     for (name, value) in settings.to_map() {
         // Path counts that are chosen are reported when they are
         let is_count = ["light_paths", "camera_paths"].contains(&&name[..]);
-        if is_automatic && is_count || is_open && is_chosen(chosen, &name) {
+        if is_automatic && is_count || is_open && chosen.is_some_and(|open| open.includes(&name)) {
             continue;
         }
         let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);

@@ -324,7 +324,7 @@ impl RenderJob {
     /// As [`Self::run_on`].
     pub fn follow(mut self, ranks: &dyn Ranks) -> Result<()> {
         let prepared = self.prepare();
-        worker::follow(ranks, prepared, &self.interrupt)
+        worker::follow(ranks, prepared, &self.interrupt, self.planted)
     }
 
     /// Resolves settings, builds the acceleration structure, and checks both against the plan or checkpoint.
@@ -405,7 +405,6 @@ impl RenderJob {
         FreeParameters {
             strategy: any && fixed.strategy.is_none() && fixed.merge_vertex.is_none(),
             direct: any && fixed.direct.is_none(),
-            kernel: any && fixed.kernel.is_none(),
             radius,
             caustic_radius,
             medium_query: in_media && fixed.medium_query.is_none(),

@@ -3,8 +3,8 @@
 use super::Prepared;
 use super::leader::{Ready, RenderSetup, Round, WorkerResult, render_assigned};
 use super::state::Totals;
+use super::step::{PlantedFailure, Step, attempt};
 use crate::base::error::{Error, Result};
-use crate::base::iteration_set::IterationSet;
 use crate::mpi::{Exchange, Ranks, encode};
 use crate::render::Renderer;
 use crate::scene::backend;
@@ -16,6 +16,7 @@ pub(super) fn follow(
     ranks: &dyn Ranks,
     prepared: Result<Prepared>,
     interrupt: &AtomicBool,
+    planted: Option<PlantedFailure>,
 ) -> Result<()> {
     let Prepared { scene, mut accel, threads, provenance, .. } = match prepared {
         Ok(prepared) => prepared,
@@ -35,20 +36,25 @@ pub(super) fn follow(
     let mut renderer = renderer.configure(config)?;
     let exchange = Exchange::default();
     let mut failure = None;
-    while let Some(Round { block, schedule, numbers }) = ranks.broadcast::<Option<Round>>(None)? {
-        let entered = block.map_or(Ok(()), |(first, counts)| renderer.enter_block(first, counts));
-        // After a failure this rank has no iterations, so that rank 0 keeps those of the others.
-        if let Err(error) = &entered {
-            failure = Some(format!("rank {}: {error}", ranks.rank()));
-        }
-        let assigned = match failure {
-            None => numbers.share(ranks.rank(), ranks.count()),
-            Some(_) => IterationSet::default(),
-        };
+    let mut done = 0;
+    while let Some(round) = ranks.broadcast::<Option<Round>>(None)? {
         let is_over = || interrupt.load(Ordering::Relaxed);
         let mut totals = Totals::default();
-        for (report, _) in render_assigned(&threads, &mut renderer, assigned, schedule, is_over) {
-            totals.add(&report);
+        // After a failure this rank has no iterations, so that rank 0 keeps those of the others.
+        if failure.is_none() {
+            let rendered = attempt(Step::Iteration, done, planted, || {
+                let Round { block, schedule, numbers } = round;
+                if let Some((first, counts)) = block {
+                    renderer.enter_block(first, counts)?;
+                }
+                let assigned = numbers.share(ranks.rank(), ranks.count());
+                Ok(render_assigned(&threads, &mut renderer, assigned, schedule, is_over))
+            });
+            match rendered {
+                Ok(reports) => reports.iter().for_each(|(report, _)| totals.add(report)),
+                Err(error) => failure = Some(format!("rank {}: {error}", ranks.rank())),
+            }
+            done += totals.iterations;
         }
         let (sums, is_interrupted) = (renderer.take_partial(), is_over());
         let result = WorkerResult { sums, totals, is_interrupted, failure: failure.clone() };

@@ -1,6 +1,6 @@
 //! The merge kernel: which photons count at a point, and by what area their flux is divided.
 
-use super::area::{Areas, PointAreas, Query, admission};
+use super::area::{Areas, Domain, PointAreas, Query, admission};
 use super::gather::GatherPacket;
 use super::photon::{Photon, PhotonClass, PhotonSide};
 use super::photon_map::MergeQuery;
@@ -51,7 +51,7 @@ impl Admission {
     pub fn admits(&self, photon: &Photon, min_radius2: f32, query: &MergeQuery) -> bool {
         min_radius2 <= self.radius2[photon.class() as usize]
             && photon.cosine(query.normal) > self.limit
-            && !photon.arrival.is_on(query.excluded)
+            && query.admits_side(photon.arrival)
     }
 
     /// Tests whether photons of both classes are added to one sum, having the same radius.
@@ -66,10 +66,10 @@ impl Admission {
         Self { radius2, ..self }
     }
 
-    /// Admits photons within `2^-level` of all radii.
+    /// Admits photons within the radii of a domain.
     #[must_use]
-    pub fn at_level(self, level: u8) -> Self {
-        let scale = 0.25f32.powi(level.into());
+    pub fn within(self, domain: Domain) -> Self {
+        let scale = 0.25f32.powi(domain.level().into());
         let smaller = |radius2: ByClass<f32>| radius2.map(|radius2| scale * radius2);
         let (radius2, nested2) = (smaller(self.radius2), self.nested2.map(smaller));
         Self { radius2, nested2, ..self }
@@ -174,8 +174,8 @@ pub(super) enum NestedRadii {
 /// The kernel at sixteen points.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PointKernels {
-    /// The radii of each point are `2^-level` of the merge radii.
-    pub(super) level: [u8; LANES],
+    /// The photons that may count at each point.
+    pub(super) domain: [Domain; LANES],
     inverse_area: [f32; LANES],
     caustic: [f32; LANES],
     nested: [ByClass<[f32; LANES]>; 2],
@@ -295,7 +295,7 @@ impl<'a> MergeKernel<'a> {
         let Some(areas) = self.areas else {
             let [caustic, diffuse] = self.radii.map(disc_area);
             return PointKernels {
-                level: [0; LANES],
+                domain: [Domain::default(); LANES],
                 inverse_area: [diffuse.recip(); LANES],
                 caustic: [diffuse / caustic; LANES],
                 nested: NESTED.map(|share| {
@@ -337,7 +337,7 @@ impl<'a> MergeKernel<'a> {
 /// one area for all photons, or one for each of two classes.
 #[inline(always)] // vectorized
 fn from_areas<const CLASSES: usize, const N: usize>(found: PointAreas<N>) -> PointKernels {
-    let PointAreas { areas, level } = found;
+    let PointAreas { areas, domain } = found;
     let of_class = |class: usize| class.min(CLASSES - 1);
     let over = |at: usize| -> ByClass<[f32; LANES]> {
         let quotient = |class: usize| {
@@ -349,7 +349,7 @@ fn from_areas<const CLASSES: usize, const N: usize>(found: PointAreas<N>) -> Poi
     };
     let [caustic, diffuse] = [CAUSTIC, DIFFUSE].map(|class| areas[of_class(class)]);
     PointKernels {
-        level,
+        domain,
         inverse_area: diffuse.map(f32::recip),
         caustic: from_fn(|lane| if CLASSES == 1 { 1.0 } else { diffuse[lane] / caustic[lane] }),
         nested: [over(2), over(1)],

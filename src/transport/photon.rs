@@ -110,7 +110,7 @@ impl PhotonPacket {
 
 /// Normal, class and side of a photon in one word, as admission tests need them. Three bytes are the surface normal on
 /// the side of arrival, each coordinate in 1/127. The lowest bit of the highest byte is the class. Its other bits are the
-/// tag (`SideId::tag`) of the side, or 0 without areas.
+/// tag (`Components::tag`) of the side, or 0 without areas.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Arrival(pub u32);
@@ -189,6 +189,13 @@ impl PhotonSide {
     pub fn other(tag: u8) -> Self {
         Self((tag ^ 1) << 1)
     }
+
+    /// The other side of the same surface.
+    #[inline(always)]
+    #[must_use]
+    pub fn opposite(self) -> Self {
+        Self(self.0 ^ 2)
+    }
 }
 
 impl Default for PhotonSide {
@@ -216,7 +223,7 @@ impl Photon {
         Self { position, path, flux, arrival: Arrival::new(normal, class as u32), from: 0 }
     }
 
-    /// Sets the tag (`SideId::tag`) of the side that it arrived on.
+    /// Sets the tag (`Components::tag`) of the side that it arrived on.
     #[must_use]
     pub(crate) fn on_side(self, tag: u8) -> Self {
         Self { arrival: self.arrival.on_side(tag), ..self }

@@ -19,6 +19,7 @@ pub mod several_ways;
 pub mod shapes;
 pub mod strategies;
 pub mod table;
+pub mod thread_ranks;
 pub mod true_bias;
 
 use bdpm::accel::Intersect;

@@ -2,6 +2,7 @@
 
 mod counts;
 mod estimators;
+mod failures;
 mod files;
 mod interval;
 mod large;

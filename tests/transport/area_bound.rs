@@ -52,8 +52,8 @@ fn areas_along_edge(scene: &Arc<Scene>, areas: &Areas, order: &[u32]) -> Vec<([f
         (0..LANES).for_each(|lane| position.set(lane, middle));
         let facet = [areas.facet(0, triangle, true); LANES];
         let query = Query { position: &position, facet: &facet, wanted: &[true; LANES] };
-        let PointAreas { areas, level } = areas.areas(&query, &RADII);
-        (areas.map(|lanes| lanes[3]), level[3])
+        let PointAreas { areas, domain } = areas.areas(&query, &RADII);
+        (areas.map(|lanes| lanes[3]), domain[3].level())
     };
     order.par_iter().map(ask).collect()
 }

@@ -31,5 +31,6 @@ mod normal_maps;
 mod reference;
 mod scenes;
 mod textured_light;
+mod thin_layers;
 mod textures;
 mod wavelength_width;

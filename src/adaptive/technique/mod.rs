@@ -78,8 +78,6 @@ pub struct FreeParameters {
     pub strategy: bool,
     /// Direct light.
     pub direct: bool,
-    /// The area that merged flux is divided by.
-    pub kernel: bool,
     /// The merge radius.
     pub radius: bool,
     /// The radius for photons without a diffuse bounce.
@@ -109,7 +107,6 @@ impl FreeParameters {
         Self {
             strategy: open,
             direct: open,
-            kernel: open,
             radius: open,
             caustic_radius: open,
             medium_query: open,
@@ -123,9 +120,27 @@ impl FreeParameters {
 
     /// Whether the pilot may choose more than the counts.
     pub fn any(&self) -> bool {
-        let Self { strategy, direct, kernel, radius, caustic_radius, guide, .. } = *self;
+        let Self { strategy, direct, radius, caustic_radius, guide, .. } = *self;
         let in_media = self.medium_query || self.medium_scale;
-        strategy || direct || kernel || radius || caustic_radius || guide || in_media
+        strategy || direct || radius || caustic_radius || guide || in_media
+    }
+
+    /// Whether the setting of this name may be chosen.
+    pub fn includes(&self, setting: &str) -> bool {
+        match setting {
+            "strategy" | "merge_vertex" => self.strategy,
+            "direct" => self.direct,
+            "radius" => self.radius,
+            "caustic_radius" => self.caustic_radius,
+            "medium_query" => self.medium_query,
+            "medium_scale" => self.medium_scale,
+            "guide" => self.guide,
+            "sobol_set" => self.sobol_set,
+            "splitting" => self.splitting,
+            "bias" => self.bias,
+            "light_visibility" => self.any(),
+            _ => false,
+        }
     }
 
     fn any_radius(&self) -> bool {
@@ -257,9 +272,7 @@ impl Technique {
         let strategies = if open.strategy {
             let mut all = vec![(Strategy::Single, 1)];
             if traits.may_weight {
-                all.push((Strategy::Mis, 2));
-                // In scenes of small triangles, discs are tried in its place.
-                all.extend((!traits.is_fine).then_some((Strategy::CutMis, 2)));
+                all.extend([(Strategy::Mis, 2), (Strategy::CutMis, 2)]);
             } else {
                 all.push((Strategy::Single, 2));
             }
@@ -272,26 +285,19 @@ impl Technique {
             true => vec![Direct::Connect, Direct::PhotonMap],
             false => vec![own.direct],
         };
-        // Areas cost time where triangles are small, and reduce the bias everywhere.
-        let kernels = match open.kernel && traits.is_fine {
-            true => vec![own.kernel, Kernel::Disc],
-            false => vec![own.kernel],
-        };
         let mut all = Vec::new();
-        for &kernel in &kernels {
-            for &direct in &directs {
-                for &(strategy, merge_vertex) in &strategies {
-                    let splitting = if open.splitting { 1 } else { own.splitting };
-                    let plain = Self { strategy, merge_vertex, direct, kernel, splitting, ..own };
-                    let of = |query| Self { medium_query: Some(query), ..plain };
-                    match traits.media_scatter && strategy.has_photons() {
-                        false => all.push(plain),
-                        true if !open.medium_query => all.push(of(settings.medium_query)),
-                        true if traits.media_are_dense => {
-                            all.extend([MediumQuery::Points, MediumQuery::Beams].map(of));
-                        }
-                        true => all.push(of(MediumQuery::Beams)),
+        for &direct in &directs {
+            for &(strategy, merge_vertex) in &strategies {
+                let splitting = if open.splitting { 1 } else { own.splitting };
+                let plain = Self { strategy, merge_vertex, direct, splitting, ..own };
+                let of = |query| Self { medium_query: Some(query), ..plain };
+                match traits.media_scatter && strategy.has_photons() {
+                    false => all.push(plain),
+                    true if !open.medium_query => all.push(of(settings.medium_query)),
+                    true if traits.media_are_dense => {
+                        all.extend([MediumQuery::Points, MediumQuery::Beams].map(of));
                     }
+                    true => all.push(of(MediumQuery::Beams)),
                 }
             }
         }
@@ -300,15 +306,10 @@ impl Technique {
             let direct = it.direct == own.direct && !open.direct
                 || it.direct == Direct::Connect
                 || (it.strategy, it.merge_vertex) == (Strategy::Single, 1);
-            // One technique of each kind on discs shows whether they pay.
-            let kernel = it.kernel == own.kernel
-                || !open.strategy
-                || it.direct == Direct::Connect
-                    && matches!(it.strategy, Strategy::Single | Strategy::Mis);
             // Weights do not know splitting.
             let splitting =
                 it.splitting == 1 || !matches!(it.strategy, Strategy::Mis | Strategy::CutMis);
-            direct && kernel && splitting
+            direct && splitting
         };
         all.retain(is_sensible);
         all.dedup();
@@ -333,8 +334,6 @@ impl Technique {
 struct SceneTraits {
     /// Camera paths cannot find all light: light sources that no ray can hit may show in mirrors or through glass.
     needs_photons: bool,
-    /// Triangles are small, measured by the merge radius.
-    is_fine: bool,
     /// Weights of several techniques with photons hold in the media of the scene.
     may_weight: bool,
     /// Media scatter light.

@@ -4,10 +4,9 @@
 use super::candidate_cost::{Best, CandidateCost};
 use super::model::{ENOUGH_FOUND, ImageScale, LARGEST_SCALE, Model};
 use super::revision::Revision;
-use super::trial::{Trial, TrialRunner, merging_area};
+use super::trial::{Trial, TrialRunner};
 use super::{End, FreeParameters, SceneTraits, Selection, Technique};
 use crate::base::error::Result;
-use crate::base::math::disc_area;
 use crate::film::radiance::luminance_weights;
 use crate::render::NestedPart;
 use crate::render::Renderer;
@@ -320,14 +319,11 @@ impl SceneTraits {
         };
         let mut materials = scene.materials().iter();
         let needs_photons = has_delta_lights && materials.any(is_smooth);
-        let triangles = scene.placements().iter().map(|own| scene.mesh(own).triangles.len());
-        let area = disc_area(renderer.settings().radius);
-        let is_fine = merging_area(scene) < triangles.sum::<usize>() as f64 * f64::from(area);
         let may_weight = scene.media().is_none_or(Media::allows_weighted_merges);
         let media_scatter = scene.media().is_some_and(Media::any_scatters);
         let is_dense = |media: &Media| media.largest_extinction() * scene.size() > DENSE;
         let media_are_dense = scene.media().is_some_and(is_dense);
-        Self { needs_photons, is_fine, may_weight, media_scatter, media_are_dense }
+        Self { needs_photons, may_weight, media_scatter, media_are_dense }
     }
 }
 
@@ -425,9 +421,8 @@ mod tests {
     fn dense_media_are_merged_around_points_as_well() {
         let all = |medium_query, media_scatter: bool, media_are_dense| {
             let open = FreeParameters { medium_query, ..FreeParameters::ALL };
-            let (needs_photons, is_fine, may_weight) = (false, false, !media_scatter);
-            let traits =
-                SceneTraits { needs_photons, is_fine, may_weight, media_scatter, media_are_dense };
+            let (needs_photons, may_weight) = (false, !media_scatter);
+            let traits = SceneTraits { needs_photons, may_weight, media_scatter, media_are_dense };
             Technique::candidates(&settings(), open, traits)
         };
         let count =

@@ -16,7 +16,7 @@ pub const THICKNESS: f32 = 0.25;
 /// exceed the squared radius.
 pub const FLATTENING: f32 = 1.0 / (127.0 * 127.0 * THICKNESS * THICKNESS);
 
-/// Whether photons on the side of the first tag (`SideId::tag`) are on the other side of the surface of the
+/// Whether photons on the side of the first tag (`Components::tag`) are on the other side of the surface of the
 /// second one: inside of a thin box, say, whose outside is seen. Their normals do not tell, since the sides of a box
 /// face each other.
 #[inline]

@@ -1,8 +1,8 @@
 //! Computes the surface in the spheres around the points of a cell, in f64.
 
-use super::MAX_LEVEL;
 use super::boundary::boundary;
 use super::cell_builder::{CellBuilder, CellFrame, GatherFacet, Near, PatchFrame};
+use super::domain::MAX_LEVEL;
 use super::edge_list::{Holed, HoledList, List, ListedTriangle};
 use super::neighbors::{Surroundings, WorkBound};
 use super::patch::Grid;
@@ -58,11 +58,18 @@ pub enum Cell {
     /// Too much is in reach even within the smallest radius, of a cell whose own surface has holes: points
     /// take the disc times the mean opacity there.
     HoledDisc(Box<Holed>),
+    /// Surfaces lie over each other: the surface in reach of one layer, with which only photons of that layer merge.
+    Layered(Box<Self>),
 }
 
 impl Cell {
     /// The surface in reach is a whole disc.
     const DISC: Self = Self::Line { toward: [0.0; 2], offset: 2.0 };
+
+    /// Merges photons of the point's own layer only.
+    fn of_own_layer(self) -> Self {
+        Self::Layered(Box::new(self))
+    }
 
     /// Size in bytes of the memory that it owns.
     pub fn bytes(&self) -> usize {
@@ -72,6 +79,7 @@ impl Cell {
             Self::Holed(list) => list.bytes(),
             Self::Split(grid) => grid.bytes(),
             Self::HoledDisc(_) => size_of::<Holed>(),
+            Self::Layered(own) => size_of::<Self>() + own.bytes(),
         }
     }
 }
@@ -95,8 +103,10 @@ impl CellBuilder<'_> {
             Some(surroundings) => surroundings.cell(own, &cell),
             None if is_large => Cell::Split(Box::new(grid.split(index))),
             None if self.level < MAX_LEVEL => Cell::Crowded,
-            None if own.holes => Cell::HoledDisc(Box::new(own.hole_in(&frame, own_corners))),
-            None => Cell::DISC,
+            None if own.holes => {
+                Cell::HoledDisc(Box::new(own.hole_in(&frame, own_corners))).of_own_layer()
+            }
+            None => Cell::DISC.of_own_layer(),
         }
     }
 }
@@ -112,6 +122,12 @@ impl GatherFacet {
 
 impl Surroundings {
     fn cell(&self, own: &GatherFacet, cell: &CellFrame) -> Cell {
+        let all = self.surface(own, cell);
+        if self.is_layered { all.of_own_layer() } else { all }
+    }
+
+    /// The surface in reach.
+    fn surface(&self, own: &GatherFacet, cell: &CellFrame) -> Cell {
         let solid = !own.holes;
         let outer = cell.half + 1.0;
         // Separate the triangles in the plane of the patch from the others.
@@ -121,6 +137,17 @@ impl Surroundings {
                 Some(polygon) => lay(&mut ground, polygon, near.component, cell.tolerance),
                 None => others.push(near),
             }
+        }
+        // Under another layer that touches the surface there is no light.
+        let above = self.above.iter().filter(|near| near.is_above_ground() && solid && !near.holes);
+        for cover in above.filter_map(|near| near.on_ground(outer)) {
+            let mut rest = Vec::new();
+            for (polygon, component) in ground {
+                let mut pieces = Vec::new();
+                subtract(&polygon, &cover, cell.tolerance, &mut pieces);
+                rest.extend(pieces.into_iter().map(|piece| (piece, component)));
+            }
+            ground = rest;
         }
         let base = self.base(own.side.component(), cell);
         let mut all = Vec::new();

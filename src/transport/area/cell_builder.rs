@@ -75,6 +75,8 @@ pub struct Near {
     /// Unit normal of the side that may send photons.
     pub normal: DVec3,
     pub component: u32,
+    /// Tag of the side that may send photons.
+    pub tag: u8,
     /// Whether it has holes.
     pub holes: bool,
 }
@@ -148,6 +150,11 @@ impl Near {
             self.corners[0].z - self.normal.truncate().dot(from) / self.normal.z
         };
         (all_low || part.iter().all(|p| is_low(height(p)))).then_some(part)
+    }
+
+    /// Whether its middle is above the plane of the patch.
+    pub fn is_above_ground(&self) -> bool {
+        self.corners.iter().map(|corner| corner.z).sum::<f64>() > 0.0
     }
 
     /// Whether another component's triangle lies in the same plane, and takes precedence.

@@ -6,6 +6,7 @@
 //! place. Of triangles with the same corners, only the first counts.
 
 use super::surfaces::{Surfaces, corners};
+use super::tags::{ComponentBox, tags};
 use crate::accel::{Instance, TriangleMesh};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -19,6 +20,8 @@ pub struct Components {
     places: Vec<(u32, u32)>,
     /// The component that each is part of after meshes were joined, with the parity in the lowest bit.
     joined: Vec<u32>,
+    /// Tag of each component.
+    tags: Vec<u8>,
 }
 
 /// A side of a component.
@@ -30,15 +33,6 @@ impl SideId {
     pub fn component(self) -> u32 {
         self.0 >> 1
     }
-
-    /// The side as photons hold it: the lowest bit distinguishes the sides of a component, and six bits are a hash of
-    /// the component.
-    #[inline]
-    pub fn tag(self) -> u8 {
-        // The high bits of a product with an odd number near the golden ratio of 2^32
-        let hash = self.component().wrapping_mul(0x9e37_79b9) >> 26;
-        (hash << 1 | self.0 & 1) as u8
-    }
 }
 
 /// The components of a mesh alone.
@@ -49,6 +43,8 @@ struct MeshComponents {
     /// Which triangles repeat another.
     is_double: Vec<bool>,
     count: u32,
+    /// The boxes around the components, in the mesh's space.
+    boxes: Vec<ComponentBox>,
     borders: Vec<Border>,
 }
 
@@ -90,7 +86,21 @@ impl Components {
         let places: Vec<_> = surfaces.places().iter().map(place).collect();
         let mut sets = Sets::new(count);
         join_places(surfaces, &meshes, &places, &mut sets);
-        Self { joined: sets.flattened(), meshes, places }
+        let joined = sets.flattened();
+        let mut boxes = vec![ComponentBox::EMPTY; joined.len()];
+        for (place, &(mesh, first)) in surfaces.places().iter().zip(&places) {
+            for (own, number) in meshes[mesh as usize].boxes.iter().zip(first..) {
+                boxes[(joined[number as usize] >> 1) as usize].add(&own.placed(place));
+            }
+        }
+        Self { tags: tags(&boxes), joined, meshes, places }
+    }
+
+    /// The side as photons hold it: the lowest bit distinguishes the sides of a component, and six bits are a tag of the
+    /// component that neighbors do not have.
+    #[inline]
+    pub fn tag(&self, side: SideId) -> u8 {
+        self.tags[side.component() as usize] << 1 | (side.0 & 1) as u8
     }
 
     /// A side of a triangle.
@@ -116,10 +126,12 @@ impl Components {
     pub fn bytes(&self) -> usize {
         let own = |mesh: &MeshComponents| {
             let borders = mesh.borders.capacity() * size_of::<Border>();
-            5 * mesh.of.capacity() + borders
+            let boxes = mesh.boxes.capacity() * size_of::<ComponentBox>();
+            5 * mesh.of.capacity() + borders + boxes
         };
         let meshes: usize = self.meshes.iter().map(own).sum();
-        meshes + 4 * self.joined.capacity() + 8 * self.places.capacity()
+        let joined = 4 * self.joined.capacity() + self.tags.capacity();
+        meshes + joined + 8 * self.places.capacity()
     }
 }
 
@@ -160,7 +172,14 @@ impl MeshComponents {
             let next = order.len() as u32;
             *own = *order.entry(*own >> 1).or_insert(next) << 1 | *own & 1;
         }
-        Self { of, is_double, count: order.len() as u32, borders }
+        let mut boxes = vec![ComponentBox::EMPTY; order.len()];
+        for (indices, own) in mesh.triangles.iter().zip(&of) {
+            for index in indices {
+                let corner = mesh.positions[*index as usize];
+                boxes[(own >> 1) as usize].add(&ComponentBox { low: corner, high: corner });
+            }
+        }
+        Self { of, is_double, count: order.len() as u32, boxes, borders }
     }
 }
 

@@ -3,6 +3,7 @@
 use super::cell::Cell;
 use super::cell_builder::{CellBuilder, GatherFacet};
 use super::disc::half_plane;
+use super::domain::Domain;
 use super::lit_sides::Sides;
 use super::patch::{CellPoint, Grid, Patch};
 use super::surfaces::{Surfaces, corners};
@@ -23,7 +24,8 @@ const CHUNK: usize = 64;
 /// The area that could have sent photons to a point, for all points of a scene and spheres of up to
 /// one radius.
 ///
-/// Points with too much in reach have areas within smaller spheres; see [`PointAreas`].
+/// Points with too much in reach have areas within smaller spheres, and points among layers have those of their own
+/// layer; see [`PointAreas`].
 pub struct Areas {
     shared: Arc<SharedGeometry>,
     radius: f32,
@@ -37,16 +39,13 @@ pub struct Areas {
     finer: OnceLock<Box<Self>>,
 }
 
-/// Maximum number of times that the radii at a point are halved.
-pub const MAX_LEVEL: u8 = 5;
-
 /// Areas at sixteen points.
 #[derive(Clone, Copy, Debug)]
 pub struct PointAreas<const N: usize> {
-    /// Areas in spheres of the radii of the query times `2^-level`, scene units squared.
+    /// Areas in spheres of the radii of the query times `2^-level` of the domain, scene units squared.
     pub areas: [[f32; LANES]; N],
-    /// Level of each point.
-    pub level: [u8; LANES],
+    /// Domain of each point.
+    pub domain: [Domain; LANES],
 }
 
 /// Surfaces and search structures, shared by areas of all radii.
@@ -133,10 +132,11 @@ impl Areas {
         2 * self.shared.first[mesh as usize] + side
     }
 
-    /// The tag (`SideId::tag`) of a side of a triangle; arguments as of [`Self::number`].
+    /// The tag (`Components::tag`) of a side of a triangle; arguments as of [`Self::number`].
     #[inline]
     pub fn side_tag(&self, mesh: u32, side: u32) -> u8 {
-        self.shared.sides.of(mesh, side >> 1, side & 1 == 0).tag()
+        let SharedGeometry { sides, .. } = &*self.shared;
+        sides.tag(sides.of(mesh, side >> 1, side & 1 == 0))
     }
 
     /// Largest radius that can be asked for.
@@ -199,14 +199,14 @@ impl Areas {
             }
         }
         std::hint::black_box(touched);
-        let (mut listed, mut level) = ([[0.0; N]; LANES], [0; LANES]);
+        let (mut listed, mut domain) = ([[0.0; N]; LANES], [Domain::default(); LANES]);
         for lane in lanes_of(lists) {
             if let Some(Cell::List(list)) = cells[lane] {
                 listed[lane] = list.areas(at[lane], &radii2);
             }
         }
         for lane in lanes_of(others) {
-            (listed[lane], level[lane]) =
+            (listed[lane], domain[lane]) =
                 self.compute(query.facet[lane], query.position.get(lane), &radii2);
         }
         let mut areas = [[0.0; LANES]; N];
@@ -223,13 +223,13 @@ impl Areas {
         }
         let unit = self.radius * self.radius;
         // Radii and their unit are halved together.
-        let scale = level.map(|level| unit * 0.25f32.powi(level.into()));
+        let scale = domain.map(|domain| unit * 0.25f32.powi(domain.level().into()));
         for (areas, radius2) in areas.iter_mut().zip(radii2) {
             for (area, scale) in areas.iter_mut().zip(scale) {
                 *area = area.max(MIN_SHARE * PI * radius2) * scale;
             }
         }
-        PointAreas { areas, level }
+        PointAreas { areas, domain }
     }
 
     /// A patch that is kept.
@@ -240,16 +240,16 @@ impl Areas {
     }
 
     /// Areas at one point of a cell that is not known yet or is no simple list, in squares of the radius of its level,
-    /// and that level.
+    /// and the domain of the point.
     #[inline(never)] // keeps the common case short
     fn compute<const N: usize>(
         &self,
         facet: u32,
         position: Vec3,
         radii2: &[f32; N],
-    ) -> ([f32; N], u8) {
+    ) -> ([f32; N], Domain) {
         let Some(own) = self.own(facet) else {
-            return (radii2.map(|radius2| PI * radius2), self.level);
+            return (radii2.map(|radius2| PI * radius2), Domain::at_level(self.level));
         };
         let make = || {
             let surfaces = &*self.shared.surfaces;
@@ -278,7 +278,7 @@ impl Areas {
             }
         };
         match self.in_grid(&own, patch.grid(), patch.local(position), radii2) {
-            Some(areas) => (areas, self.level),
+            Some(found) => found,
             None => self.finer().compute(facet, position, radii2),
         }
     }
@@ -290,7 +290,7 @@ impl Areas {
         grid: &Grid,
         local: [f32; 2],
         radii2: &[f32; N],
-    ) -> Option<[f32; N]> {
+    ) -> Option<([f32; N], Domain)> {
         let CellPoint { index, at } = grid.place(local);
         let make = || {
             let SharedGeometry { surfaces, sides, reach, .. } = &*self.shared;
@@ -317,7 +317,11 @@ impl Areas {
             }
         };
         let surfaces = &*self.shared.surfaces;
-        Some(match cell {
+        let (cell, domain) = match cell {
+            Cell::Layered(own) => (&**own, Domain::at_level(self.level).of_own_layer()),
+            _ => (cell, Domain::at_level(self.level)),
+        };
+        let areas = match cell {
             Cell::Line { toward, offset } => {
                 let height = offset + (toward[0] * at[0] + toward[1] * at[1]);
                 radii2.map(|radius2| half_plane(height.max(0.0), radius2))
@@ -327,7 +331,9 @@ impl Areas {
             Cell::Split(grid) => return self.in_grid(own, grid, local, radii2),
             Cell::Crowded => return None,
             Cell::HoledDisc(hole) => hole.discs(surfaces, self.radius, at, radii2),
-        })
+            Cell::Layered(_) => unreachable!("a layer is a single cell"),
+        };
+        Some((areas, domain))
     }
 
     /// Whether another cell may be kept.

@@ -53,6 +53,12 @@ impl Sides {
         self.components.side(place, triangle, front)
     }
 
+    /// The side as photons hold it.
+    #[inline]
+    pub(super) fn tag(&self, side: SideId) -> u8 {
+        self.components.tag(side)
+    }
+
     /// Whether a triangle repeats another, which counts for both.
     pub(super) fn is_double(&self, place: u32, triangle: u32) -> bool {
         self.components.is_double(place, triangle)

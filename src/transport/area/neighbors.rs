@@ -3,9 +3,10 @@
 use super::admission::{self, THICKNESS, admits, packed};
 use super::cell_builder::{CellBuilder, CellFrame, GatherFacet, Near, PatchFrame};
 use super::components::SideId;
+use super::polygon::{Line, area, clip, edges, middle};
 use super::solids::{Wall, Walls};
 use super::surfaces::box_around;
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine3, DVec2, DVec3, Vec3};
 
 /// The triangles in reach of a cell.
 pub struct Surroundings {
@@ -15,6 +16,10 @@ pub struct Surroundings {
     pub walls: Walls,
     /// Whether these are of several components.
     pub is_mixed: bool,
+    /// Whether these are those of one of several layers: only photons of this layer count.
+    pub is_layered: bool,
+    /// Triangles of the other layers.
+    pub above: Vec<Near>,
 }
 
 /// Bound on the work of one cell: numbers of triangles.
@@ -65,6 +70,7 @@ impl CellBuilder<'_> {
         let margin = DVec3::splat(self.radius * (1.0 + cell.tolerance));
         let around = box_around(outer.flat_map(|p| [p - margin, p + margin]));
         let (mut near, mut solids) = (Vec::new(), Vec::new());
+        let own_tag = self.sides.tag(own.side);
         let mut seen = self.seen(frame, own.place);
         let (mut visited, mut kept) = (0, 0);
         let complete = self.reach.find(self.surfaces, &around, |place, triangle, corners| {
@@ -103,21 +109,23 @@ impl CellBuilder<'_> {
             if !(is_solid || may_send) {
                 return true;
             }
+            let tags = sides.map(|side| self.sides.tag(side));
             let sends = may_send.then(|| {
                 let given = self.surfaces.normal(place, triangle);
                 let may_send = |&side: &usize| {
                     let counts = (lit[side] || sides[side] == own.side)
-                        && !admission::is_other_side(sides[side].tag(), own.side.tag());
+                        && !admission::is_other_side(tags[side], own_tag);
                     let normal = if side == 0 { given } else { -given };
                     counts && admits(packed(normal), own.normal)
                 };
                 let side = (0..2).find(may_send)?;
                 let front = frame.facing(normal, given);
-                Some(if side == 0 { front } else { -front })
+                Some((if side == 0 { front } else { -front }, tags[side]))
             });
             let component = front.component();
-            if let Some(normal) = sends.flatten() {
-                near.push(Near { place, triangle, corners, normal, component, holes: seen.holes });
+            if let Some((normal, tag)) = sends.flatten() {
+                let holes = seen.holes;
+                near.push(Near { place, triangle, corners, normal, component, tag, holes });
             } else if !is_solid {
                 return true;
             }
@@ -127,18 +135,25 @@ impl CellBuilder<'_> {
             kept += 1;
             kept <= bound.kept
         });
-        complete.then(|| self.sorted(own, frame, near, solids))
+        complete.then(|| self.sorted(own, (frame, cell), near, solids))
     }
 
     /// Keeps the solids that may cover some of the triangles that are near.
     fn sorted(
         &self,
         own: &GatherFacet,
-        frame: &PatchFrame,
-        near: Vec<Near>,
+        (frame, cell): (&PatchFrame, &CellFrame),
+        mut near: Vec<Near>,
         mut solids: Vec<Solid>,
     ) -> Surroundings {
         let component = own.side.component();
+        let own_tag = self.sides.tag(own.side);
+        let is_layered = are_layers(&near, own_tag, cell.tolerance);
+        let mut above = Vec::new();
+        if is_layered {
+            let (same, other) = near.into_iter().partition(|near| near.tag == own_tag);
+            (near, above) = (same, other);
+        }
         let is_mixed = near.iter().any(|near| near.component != component);
         if !is_mixed {
             // Nothing is covered by its own component.
@@ -150,7 +165,8 @@ impl CellBuilder<'_> {
             let front = frame.facing((b - a).cross(c - a).normalize(), given);
             Wall::new(solid.corners, if solid.front { front } else { -front }, solid.component)
         };
-        Surroundings { near, walls: Walls::new(solids.iter().map(wall).collect()), is_mixed }
+        let walls = Walls::new(solids.iter().map(wall).collect());
+        Surroundings { near, above, walls, is_mixed, is_layered }
     }
 
     fn seen(&self, frame: &PatchFrame, place: u32) -> PlacedMesh {
@@ -177,6 +193,72 @@ impl PatchFrame {
     fn facing(&self, normal: DVec3, side: Vec3) -> DVec3 {
         let side = DVec3::from_array(self.axes.map(|axis| axis.dot(side.as_dvec3())));
         if normal.dot(side) < 0.0 { -normal } else { normal }
+    }
+}
+
+/// Whether some triangle of another side lies over or under a triangle of the side of this tag: these are layers with
+/// light of their own. Triangles side by side are one layer, and so are those at the same place.
+fn are_layers(near: &[Near], own_tag: u8, tolerance: f64) -> bool {
+    if near.iter().all(|near| near.tag == own_tag) {
+        return false;
+    }
+    let (own, others): (Vec<Flat>, Vec<Flat>) = {
+        let (own, others): (Vec<_>, Vec<_>) = near.iter().partition(|near| near.tag == own_tag);
+        (own.into_iter().map(Flat::new).collect(), others.into_iter().map(Flat::new).collect())
+    };
+    others.iter().any(|other| own.iter().any(|own| own.is_over_or_under(other, tolerance)))
+}
+
+/// A triangle seen along the normal of a patch.
+struct Flat {
+    polygon: [DVec2; 3],
+    /// Its plane: the height is `offset + slope . point`.
+    offset: f64,
+    slope: DVec2,
+    low: DVec3,
+    high: DVec3,
+}
+
+/// Smallest overlap of two layers, squares of the radius: less is rounding, or too little to matter.
+const MIN_OVERLAP: f64 = 1e-6;
+
+impl Flat {
+    fn new(near: &Near) -> Self {
+        let [a, b, c] = near.corners;
+        let mut polygon = [a, b, c].map(DVec3::truncate);
+        if area(&polygon) < 0.0 {
+            polygon.reverse();
+        }
+        // The normals of triangles that are admitted are within 60 degrees.
+        let normal = near.normal / near.normal.z.max(0.1);
+        let slope = -normal.truncate();
+        Self {
+            polygon,
+            offset: a.z - slope.dot(a.truncate()),
+            slope,
+            low: a.min(b).min(c),
+            high: a.max(b).max(c),
+        }
+    }
+
+    fn is_over_or_under(&self, other: &Self, tolerance: f64) -> bool {
+        let apart = self.low.cmpgt(other.high) | self.high.cmplt(other.low);
+        if apart.x || apart.y {
+            return false;
+        }
+        let mut overlap = self.polygon.to_vec();
+        for (a, b) in edges(&other.polygon) {
+            let Some(line) = Line::through(a, b) else { return false };
+            overlap = clip(&overlap, line);
+            if overlap.is_empty() {
+                return false;
+            }
+        }
+        let gap = |p: &DVec2| {
+            let [own, other] = [self, other].map(|flat| flat.offset + flat.slope.dot(*p));
+            (own - other).abs()
+        };
+        area(&overlap) > MIN_OVERLAP && gap(&middle(&overlap)) > 2.0 * tolerance
     }
 }
 

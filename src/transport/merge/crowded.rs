@@ -1,5 +1,5 @@
-//! Points among small triangles: what is in reach exceeds the bound of an area query, so that they merge again within
-//! smaller radii.
+//! Points that merge again: within smaller radii, where too many triangles are in reach of an area query, or with photons
+//! of their own layer, where several are in reach.
 
 use super::super::camera_paths::CameraPaths;
 use super::super::kernel::{ByClass, PointKernels};
@@ -11,7 +11,7 @@ use crate::simd::{LANES, Mask, Vec3s, any};
 use std::{ops, slice};
 
 impl Merge<'_> {
-    /// Merges again where the kernels show that too much is in reach, within smaller radii.
+    /// Merges again where the kernels show that not all photons within the radii count.
     #[inline(always)] // vectorized
     pub(super) fn merge_crowded<E>(
         &self,
@@ -21,7 +21,7 @@ impl Merge<'_> {
         ranges: &mut Ranges,
         flux: [&mut ByClass<Vec3s>; 2],
     ) {
-        let crowded = kernels.level.map(|level| level > 0);
+        let crowded = kernels.domain.map(|domain| !domain.is_whole());
         if any(&crowded) {
             let Batch { paths, part, .. } = *batch;
             let lanes = (index, crowded);
@@ -30,7 +30,7 @@ impl Merge<'_> {
     }
 }
 
-/// Points of a packet that are merged again, within the radii of their levels.
+/// Points of a packet that are merged again, within their domains.
 struct CrowdedLanes<'a, 'b> {
     merge: &'a Merge<'a>,
     paths: &'a CameraPaths,

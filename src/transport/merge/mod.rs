@@ -359,9 +359,9 @@ impl<'a> Merge<'a> {
         pairs.len() > self.max_pairs && batch.part.len() > 1
     }
 
-    /// Merges the photons in the ranges of up to sixteen queries; with `LEVELS`, within the radii of the kernels' levels.
+    /// Merges the photons in the ranges of up to sixteen queries; with `DOMAINS`, those of the kernels' domains.
     #[inline(always)] // vectorized
-    fn merge_ranges<E: Eight, const PAIRS: bool, const LEVELS: bool>(
+    fn merge_ranges<E: Eight, const PAIRS: bool, const DOMAINS: bool>(
         &self,
         batch: &Batch<E>,
         ranges: &Ranges,
@@ -373,11 +373,14 @@ impl<'a> Merge<'a> {
             let (packet, lane) =
                 (query.point as usize / LANES - found.first, query.point as usize % LANES);
             let kernels = &found.kernels[packet];
-            let search = PointSearch { query, ranges, kernel: kernels.get(lane) };
-            let flux = if LEVELS {
-                let admission = self.admission.at_level(kernels.level[lane]);
+            let kernel = kernels.get(lane);
+            let flux = if DOMAINS {
+                let domain = kernels.domain[lane];
+                let search = PointSearch { query: &query.within(domain), ranges, kernel };
+                let admission = self.admission.within(domain);
                 Self { admission, ..*self }.merge_point::<E, PAIRS>(batch, &search, found.pairs)
             } else {
+                let search = PointSearch { query, ranges, kernel };
                 self.merge_point::<E, PAIRS>(batch, &search, found.pairs)
             };
             set(&mut found.flux[packet], lane, flux.all);

@@ -42,6 +42,8 @@ pub struct OctetQuery<E: Eight> {
     all_classes: bool,
     /// Photons on this side do not count.
     excluded: PhotonSide,
+    /// If set, only photons on this side count.
+    only: Option<PhotonSide>,
     /// Kernels over the kernel of diffuse photons, times the weight of the class.
     relative: ByClass<E::Floats>,
     /// Kernels at the nested radii over the kernels at the merge radii.
@@ -93,6 +95,7 @@ impl<E: Eight> OctetQuery<E> {
             is_disc: admission.flattening == 0.0,
             all_classes: W::ALL_CLASSES | query.kind.all_classes(),
             excluded: query.excluded,
+            only: query.only_side(),
             relative: splat_classes(eight, relative),
             nested: [splat_classes(eight, inner), splat_classes(eight, half)],
             by_class: by_class.unwrap_or([1.0; 2]),
@@ -256,6 +259,11 @@ impl Octet {
             let (selected, side) = Arrival::side_bits(query.excluded);
             let excluded = eight.bits_equal(&self.side, selected, side);
             count = eight.and_not(count, excluded);
+        }
+        if let Some(only) = query.only {
+            let (selected, side) = Arrival::side_bits(only);
+            let others = eight.and_not(count, eight.bits_equal(&self.side, selected, side));
+            count = eight.and_not(count, others);
         }
         if !query.all_classes {
             count = count & self.is_caustic(eight);

@@ -2,7 +2,8 @@
 
 use super::PhotonMap;
 use crate::simd::LANES;
-use crate::transport::photon::PhotonSide;
+use crate::transport::area::Domain;
+use crate::transport::photon::{Arrival, PhotonSide};
 use glam::Vec3;
 
 /// Maximum number of zones of a map: sorting writes to as many places in turn.
@@ -20,10 +21,35 @@ pub struct MergeQuery {
     pub normal: Vec3,
     /// Which photons count, and how.
     pub kind: QueryKind,
-    /// Photons on this side do not count.
+    /// Photons on this side do not count: the other side of the point's surface.
     pub excluded: PhotonSide,
     /// Zone of the position; set by [`MergeQueries::sort`].
     pub zone: u16,
+}
+
+impl MergeQuery {
+    /// The query for the photons of a domain.
+    #[must_use]
+    #[inline(always)] // vectorized, as the functions below
+    pub fn within(&self, domain: Domain) -> Self {
+        let own_layer = u8::from(domain.is_own_layer()) << 2;
+        Self { kind: QueryKind(self.kind.0 | own_layer), ..*self }
+    }
+
+    /// The only side whose photons count, if there is one.
+    #[inline(always)]
+    pub fn only_side(&self) -> Option<PhotonSide> {
+        (self.kind.0 & 4 != 0).then(|| self.excluded.opposite())
+    }
+
+    /// Tests whether photons on the side of one that arrived count.
+    #[inline(always)]
+    pub(crate) fn admits_side(&self, arrival: Arrival) -> bool {
+        match self.only_side() {
+            Some(side) => arrival.is_on(side),
+            None => !arrival.is_on(self.excluded),
+        }
+    }
 }
 
 /// Which photons count in a query, and how. (In one byte: a query is half a cache line.)
