@@ -8,7 +8,7 @@ use super::tiled_buffer::TILE;
 use std::ops::Range;
 
 /// Maximum number of cells. Smaller images have one pixel in each cell.
-pub const MAX_CELLS: usize = 1 << 20;
+pub const MAX_CELLS: usize = 1 << 19;
 
 /// Grid of square cells over an image. The side of a cell is a power of two, so that cells do not cross tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

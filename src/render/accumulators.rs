@@ -41,7 +41,8 @@ impl IterationSample {
         sums.nested.iter_mut().zip(measurement.nested).for_each(|(sum, own)| *sum += own);
     }
 
-    fn scaled(self, scale: f64) -> Self {
+    /// Multiplies values by `scale`, and coefficients and nested differences by `measured`.
+    fn scaled(self, scale: f64, measured: f64) -> Self {
         let PixelMeasurement { coefficients, value, nested } = self.measurement;
         let pixel = PixelSample {
             value: self.pixel.value * scale,
@@ -49,9 +50,9 @@ impl IterationSample {
             aovs: None,
         };
         let measurement = PixelMeasurement {
-            coefficients: coefficients * scale,
+            coefficients: coefficients * measured,
             value: value * scale,
-            nested: nested.map(|sum| sum * scale),
+            nested: nested.map(|sum| sum * measured),
         };
         Self { pixel, measurement }
     }
@@ -60,8 +61,17 @@ impl IterationSample {
 /// Sums of the samples of each cell of a tile, during one iteration.
 #[derive(Debug, Default)]
 pub struct CellSamples {
-    /// Sum of the samples of the pixels of each cell, without layers, and their number.
-    sums: Vec<(IterationSample, u32)>,
+    /// Sums of the samples of the pixels of each cell, without layers.
+    sums: Vec<CellSum>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct CellSum {
+    sample: IterationSample,
+    /// Number of pixels.
+    pixels: u32,
+    /// Number of those that were measured.
+    measured: u32,
 }
 
 impl CellSamples {
@@ -71,17 +81,20 @@ impl CellSamples {
         self.sums.resize(cells, Default::default());
     }
 
-    /// Adds the sample of a pixel of a cell.
-    pub fn add(&mut self, cell: usize, sample: &IterationSample) {
-        let (sum, count) = &mut self.sums[cell];
-        sum.add(sample);
-        *count += 1;
+    /// Adds the sample of a pixel of a cell. A pixel that was not measured has no coefficients and nested differences.
+    pub fn add(&mut self, cell: usize, sample: &IterationSample, is_measured: bool) {
+        let sum = &mut self.sums[cell];
+        sum.sample.add(sample);
+        sum.pixels += 1;
+        sum.measured += u32::from(is_measured);
     }
 
     /// Mean sample of each cell that has one, with the index of the cell.
     pub fn means(&self) -> impl Iterator<Item = (usize, IterationSample)> {
-        let mean = |(cell, (sum, count)): (usize, &(IterationSample, u32))| {
-            (*count > 0).then(|| (cell, sum.scaled(f64::from(*count).recip())))
+        let mean = |(cell, sum): (usize, &CellSum)| {
+            let CellSum { sample, pixels, measured } = *sum;
+            let scale = |count: u32| f64::from(count.max(1)).recip();
+            (pixels > 0).then(|| (cell, sample.scaled(scale(pixels), scale(measured))))
         };
         self.sums.iter().enumerate().filter_map(mean)
     }

@@ -2,12 +2,14 @@
 
 use super::accumulators::SharedStatistics;
 use super::block::Block;
+use super::measured_pixels::MeasuredPixels;
 use super::report::IterationReport;
 use super::tiles::TileBatches;
 use super::worker::Job;
 use super::{NestedPart, Renderer};
 use crate::accel::Intersect;
 use crate::base::rng::{Stream, StreamKey};
+use crate::film::cells::CellGrid;
 use crate::film::statistic::CurrentIteration;
 use crate::noise::Measure;
 use crate::scene::Scene;
@@ -38,8 +40,8 @@ fn surroundings<'a>(
 impl Renderer {
     /// Renders one iteration on the threads of the current rayon pool.
     ///
-    /// A measured iteration traces at least two camera paths in each pixel. Camera paths beyond the
-    /// pixel's count are left out of the image, so that the image does not depend on `measure`. An interrupted first
+    /// A measured iteration traces at least two camera paths in each pixel, or in one pixel of each cell of a large image.
+    /// Camera paths beyond the pixel's count are left out of the image, so that the image does not depend on `measure`. An interrupted first
     /// iteration is left out of the image: see [`Self::interrupted_by`].
     ///
     /// # Panics
@@ -72,7 +74,9 @@ impl Renderer {
         let mut render_tiles = || {
             let (counts, mut tiles) = block.begin_iteration(iteration, self.request(), &mut shared);
             let job = Job { aovs: self.config.aovs, ..Job::new(pass, merge, counts, measure) };
-            let job = Job { interrupt: interrupt.as_deref(), ..job };
+            let grid = CellGrid::of(self.settings.resolution());
+            let measured = MeasuredPixels::new(grid, self.config.grain, iteration);
+            let job = Job { measured, interrupt: interrupt.as_deref(), ..job };
             TileBatches::new(&mut tiles, job.tiles_per_batch())
                 .par_bridge()
                 .for_each_init(|| self.workers.lease(), |worker, tiles| worker.render(&job, tiles));

@@ -9,6 +9,7 @@ mod combined_image;
 pub mod guiding;
 mod iteration;
 mod light_visibility;
+mod measured_pixels;
 mod memory;
 mod partial;
 mod report;

@@ -1,5 +1,6 @@
 //! Iterator over the camera paths of neighboring tiles, pixel by pixel.
 
+use super::measured_pixels::PixelFilter;
 use crate::film::counts::CameraCounts;
 use crate::film::tiled_buffer::Tile;
 use crate::transport::camera_paths::CameraPathId;
@@ -21,14 +22,17 @@ pub struct TilePaths<'a> {
     /// Tiles after `tile`.
     tiles: &'a [Tile],
     counts: &'a CameraCounts,
-    /// Minimum number of paths per pixel: two if the iteration is measured.
+    /// Minimum number of paths per pixel: two if the pixel is measured.
     min_paths: u32,
-    image_width: u32,
+    /// Width and height of the image, pixels.
+    image: (u32, u32),
+    /// Pixels whose paths are visited.
+    filter: PixelFilter,
 }
 
 impl<'a> TilePaths<'a> {
-    /// All paths of `tiles`, which belong to an image `image_width` pixels wide; at least `min_paths`
-    /// in each pixel.
+    /// All paths of the pixels of `tiles` that pass `filter`. The tiles belong to an image of this width and height, pixels;
+    /// at least `min_paths` in each pixel.
     ///
     /// # Panics
     /// If there is no tile.
@@ -36,7 +40,8 @@ impl<'a> TilePaths<'a> {
         tiles: &'a [Tile],
         counts: &'a CameraCounts,
         min_paths: u32,
-        image_width: u32,
+        image: (u32, u32),
+        filter: PixelFilter,
     ) -> Self {
         let (&tile, tiles) = tiles.split_first().expect("there is a tile");
         let (pixel, path, in_image, traced) = (0, 0, 0, 0);
@@ -51,7 +56,8 @@ impl<'a> TilePaths<'a> {
             tiles,
             counts,
             min_paths,
-            image_width,
+            image,
+            filter,
         };
         paths.enter_pixel();
         paths
@@ -65,7 +71,7 @@ impl<'a> TilePaths<'a> {
     /// Index of the pixel in the image, in row order.
     pub fn image_index(&self) -> usize {
         let (x, y) = self.position;
-        (y * self.image_width + x) as usize
+        (y * self.image.0 + x) as usize
     }
 
     /// Moves to the next path.
@@ -82,6 +88,16 @@ impl<'a> TilePaths<'a> {
 
     #[inline]
     fn leave_pixel(&mut self) {
+        if self.move_to_next_pixel() {
+            self.enter_pixel();
+        } else {
+            self.traced = 0;
+        }
+    }
+
+    /// Moves to the next pixel, if there is one.
+    #[inline]
+    fn move_to_next_pixel(&mut self) -> bool {
         self.pixel += 1;
         let (x, y) = &mut self.position;
         let [end_x, end_y] = self.tile.end();
@@ -90,17 +106,23 @@ impl<'a> TilePaths<'a> {
             *y += 1;
             *x = self.tile.pixel(0).0;
             if *y == end_y {
-                self.traced = 0;
-                let Some((tile, tiles)) = self.tiles.split_first() else { return };
+                let Some((tile, tiles)) = self.tiles.split_first() else { return false };
                 (self.tile, self.tiles) = (*tile, tiles);
                 self.position = tile.pixel(0);
             }
         }
-        self.enter_pixel();
+        true
     }
 
+    /// Enters this pixel, or the first one after it that passes the filter.
     #[inline]
     fn enter_pixel(&mut self) {
+        while !self.filter.includes(self.position, self.image) {
+            if !self.move_to_next_pixel() {
+                self.traced = 0;
+                return;
+            }
+        }
         self.path = 0;
         self.in_image = self.counts.at(self.image_index());
         self.traced = self.in_image.max(self.min_paths);
@@ -131,7 +153,7 @@ mod tests {
         let tiles: Vec<Tile> = tiles((35, 20)).collect();
         let each: Vec<u32> = (0..35 * 20).map(|pixel| 1 + pixel % 4).collect();
         for counts in [CameraCounts::Uniform(3), CameraCounts::PerPixel(each)] {
-            let mut paths = TilePaths::new(&tiles[1..], &counts, 2, 35);
+            let mut paths = TilePaths::new(&tiles[1..], &counts, 2, (35, 20), PixelFilter::All);
             let mut pixel = 0;
             for tile in &tiles[1..] {
                 for (x, y) in (0..tile.len() as u32).map(|index| tile.pixel(index)) {

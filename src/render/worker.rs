@@ -2,6 +2,7 @@
 
 use super::accumulators::{CellSamples, IterationSample};
 use super::aov_sums::AovSums;
+use super::measured_pixels::{MeasuredPixels, PixelFilter};
 use super::tile_paths::TilePaths;
 use super::tiles::TileSums;
 use crate::base::math;
@@ -39,6 +40,8 @@ pub struct Job<'a> {
     pub aovs: AovSelection,
     /// Approximate number of camera paths that are merged in one batch.
     pub batch_size: usize,
+    /// The pixels that are measured, if not all are.
+    pub measured: Option<MeasuredPixels>,
     /// Leaves out all work once it is true.
     pub interrupt: Option<&'a AtomicBool>,
 }
@@ -52,8 +55,8 @@ impl<'a> Job<'a> {
         measure: Measure,
     ) -> Self {
         let batch_size = merge.batch_size(measure != Measure::Off);
-        let (aovs, interrupt) = (AovSelection::default(), None);
-        Self { pass, merge, counts, measure, aovs, batch_size, interrupt }
+        let (aovs, measured, interrupt) = (AovSelection::default(), None, None);
+        Self { pass, merge, counts, measure, aovs, batch_size, measured, interrupt }
     }
 
     fn is_interrupted(&self) -> bool {
@@ -71,10 +74,20 @@ impl<'a> Job<'a> {
         (self.batch_size as f64 / (per_pixel * Tile::PIXELS)) as usize
     }
 
-    /// Camera paths of `tiles`.
+    /// Camera paths of `tiles`; of the measured pixels only, if not all are.
     pub fn paths<'b>(&'b self, tiles: &'b [Tile]) -> TilePaths<'b> {
-        let width = self.pass.settings.width;
-        TilePaths::new(tiles, &self.counts.camera_paths, self.min_camera_paths(), width)
+        let filter = self.measured.map_or(PixelFilter::All, PixelFilter::Measured);
+        self.paths_of(tiles, filter, self.min_camera_paths())
+    }
+
+    fn paths_of<'b>(
+        &'b self,
+        tiles: &'b [Tile],
+        filter: PixelFilter,
+        min_paths: u32,
+    ) -> TilePaths<'b> {
+        let resolution = self.pass.settings.resolution();
+        TilePaths::new(tiles, &self.counts.camera_paths, min_paths, resolution, filter)
     }
 
     /// Weight of a light path, `1/N_F`.
@@ -147,14 +160,23 @@ impl Worker {
             paths: ids.clone(),
         };
         let Self { paths, gathered, measurements, counts, .. } = self;
-        match job.measure {
-            Measure::Off => trace(job, ids, paths, counts, |paths| {
+        let mut render = |ids, image: &mut ImageSums| {
+            trace(job, ids, paths, counts, |paths| {
                 job.merge.gather(paths, gathered);
                 image.aovs.gather_caustics(job, paths);
                 for path in 0..paths.direct.len() {
                     image.end_path(paths, gathered, path);
                 }
-            }),
+            });
+        };
+        if let Some(measured) = job.measured {
+            let others = job.paths_of(&self.tiles, PixelFilter::Unmeasured(measured), 1);
+            image.paths = others.clone();
+            render(others, &mut image);
+            image.paths = ids.clone();
+        }
+        match job.measure {
+            Measure::Off => render(ids, &mut image),
             Measure::Pairs => {
                 let measuring = Measuring::new(job, image, &mut self.pairs, measurements);
                 measuring.run(ids, paths, gathered, counts);
@@ -184,7 +206,11 @@ impl Worker {
                     sums.add_sample(index, &sample);
                 } else {
                     sums.add_pixel(index, &sample);
-                    self.cells.add(tile.cell_of(index as u32, side), &sample);
+                    let resolution = job.pass.settings.resolution();
+                    let is_measured = job.measured.is_none_or(|measured| {
+                        PixelFilter::Measured(measured).includes((x, y), resolution)
+                    });
+                    self.cells.add(tile.cell_of(index as u32, side), &sample, is_measured);
                 }
             }
             self.cells.means().for_each(|(cell, mean)| sums.add_cell(cell, &mean));

@@ -1,6 +1,7 @@
 //! Images of more than a million pixels keep statistics for cells of several pixels. These are the means of what single
 //! pixels have, and the image and its layers keep all pixels.
 
+use crate::common::Estimate;
 use crate::common::automatic::scene;
 use bdpm::base::iteration_set::IterationSet;
 use bdpm::base::math::Rgb;
@@ -8,7 +9,7 @@ use bdpm::film::aov::AovSelection;
 use bdpm::film::cells::CellGrid;
 use bdpm::film::radiance::luminance;
 use bdpm::film::statistic::{BatchGrain, StatisticRequest};
-use bdpm::noise::Measure;
+use bdpm::noise::{Coefficients, Measure};
 use bdpm::output::checkpoint::Checkpoint;
 use bdpm::output::layers::{LayerName, LayerSelection};
 use bdpm::render::block;
@@ -61,11 +62,16 @@ fn statistics_of_cells_are_means_over_their_pixels() {
     by_pixel.iterate(Measure::Pairs);
     assert_eq!(by_cell.film(), by_pixel.film(), "statistics do not change the image");
     let means = block::coefficients(by_pixel.blocks()).unwrap();
-    for (own, mean) in cells.iter().zip(&means) {
-        let size = mean.a.abs() + mean.b.abs() + mean.f.abs();
-        for (own, mean) in [(own.a, mean.a), (own.b, mean.b), (own.f, mean.f)] {
-            assert!((own - mean).abs() <= 1e-9 * size, "{own} {mean}");
-        }
+    // One pixel of each cell is measured. Of 266,000 cells, means agree within the errors of the difference.
+    let mean_of = |values: Vec<f64>| Estimate::from_samples(&values);
+    let terms: [fn(&Coefficients) -> f64; 3] = [|own| own.a, |own| own.b, |own| own.f];
+    for term in terms {
+        let pairs = cells.iter().zip(&means);
+        let difference = mean_of(pairs.map(|(own, mean)| term(own) - term(mean)).collect());
+        let mean = mean_of(means.iter().map(term).collect()).mean;
+        println!("{difference:?} of {mean}");
+        assert!(difference.mean.abs() < 4.0 * difference.error, "{difference:?} of {mean}");
+        assert!(difference.error < 0.05 * mean, "{difference:?} says little about {mean}");
     }
 }
 
