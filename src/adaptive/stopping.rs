@@ -245,7 +245,12 @@ pub struct Forecast {
 impl Convergence {
     /// Convergence of an image with these weights of its blocks and importance of its cells.
     pub fn new(blocks: &[Block], weights: Vec<f64>, importance: &[f64]) -> Self {
-        let combined = CombinedImage::new(blocks, weights);
+        Self::of(CombinedImage::new(blocks, weights), importance)
+    }
+
+    /// Convergence of an image with this importance of its cells.
+    pub fn of(combined: CombinedImage, importance: &[f64]) -> Self {
+        let blocks = combined.blocks();
         let mean_of = |variance: &[f64]| {
             let weighted = variance.par_iter().zip(importance).map(|(v, weight)| v * weight);
             total(&weighted.collect::<Vec<f64>>(), |term| *term) / importance.len() as f64

@@ -300,7 +300,7 @@ impl RenderJob {
             exchanged: Exchanged::new(ranks.count()),
             interrupt: self.interrupt,
             threads,
-            latest_weights: Mutex::default(),
+            latest: Mutex::default(),
             failure: None,
             planted: self.planted,
             clock: RunClock::new(start, self.min_iterations, reserve),

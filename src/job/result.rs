@@ -79,8 +79,10 @@ impl Summary {
             None => MergeBias::new(state.renderer.blocks(), &image),
             Some(_) => None,
         };
-        let error = state.is_automatic.then(|| relative_error(state)).flatten();
-        Self { error, denoised: denoised_report(state), rms, merge_bias }
+        let objective = state.stop.objective;
+        let convergence = Convergence::of(image, &importance(state.renderer.blocks(), objective));
+        let error = state.is_automatic.then(|| relative_error(state, &convergence)).flatten();
+        Self { error, denoised: denoised_report(state, &convergence), rms, merge_bias }
     }
 }
 
@@ -190,22 +192,16 @@ impl RenderResult {
     }
 }
 
-fn convergence(state: &RenderState) -> Convergence {
-    let (blocks, weights) = (state.renderer.blocks(), state.image().weights().to_vec());
-    Convergence::new(blocks, weights, &importance(blocks, state.stop.objective))
-}
-
-fn denoised_report(state: &RenderState) -> Option<DenoisedReport> {
+fn denoised_report(state: &RenderState, convergence: &Convergence) -> Option<DenoisedReport> {
     let denoising = state.denoising.as_ref()?;
     let bias = match denoising.error() {
-        Some(_) => convergence(state).squared_bias(&state.stop),
+        Some(_) => convergence.squared_bias(&state.stop),
         None => SquaredPart::default(),
     };
     Some(denoising.report(bias))
 }
 
-fn relative_error(state: &RenderState) -> Option<RelativeError> {
-    let convergence = convergence(state);
+fn relative_error(state: &RenderState, convergence: &Convergence) -> Option<RelativeError> {
     // An image without photons has no merge bias. Otherwise, no estimate means that it is unknown.
     let has_photons = state.provenance.settings.has_photons();
     if has_photons && state.stop.bias2 <= 0.0 && convergence.bias2.is_none() {

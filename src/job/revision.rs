@@ -5,7 +5,7 @@ use super::step::Step;
 use crate::adaptive::count_policy::CountPolicy;
 use crate::adaptive::technique::{Selection, TimeShare};
 use crate::base::error::Result;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 impl RenderState {
     /// Checks the choice of the pilot if that is due, and starts again with other settings if that pays. Returns true if
@@ -54,6 +54,7 @@ impl RenderState {
             **autopilot = autopilot.restarted(selection.best().times, self.stop.bias2);
         }
         self.status = Status::default();
+        self.latest = Mutex::default();
         if let Some(denoising) = &mut self.denoising {
             denoising.latest = None; // It is of the image that was discarded.
         }

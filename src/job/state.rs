@@ -12,6 +12,7 @@ use crate::film::cells::CellGrid;
 use crate::output::checkpoint::{Checkpoint, ShardedImage};
 use crate::output::denoise::{Denoised, ErrorSummary};
 use crate::render::block::{Block, CombinedImage};
+use crate::render::combined_image::DerivedStatistics;
 use crate::render::{IterationReport, Renderer};
 use crate::scene::Region;
 use crate::settings::provenance::Provenance;
@@ -74,14 +75,22 @@ pub struct RenderState {
     pub sharded: Option<ShardedImage>,
     /// The scene's named regions, for files.
     pub regions: Vec<Region>,
-    /// Latest weights of the blocks, and the number of iterations that they belong to.
-    pub(super) latest_weights: Mutex<(u64, Vec<f64>)>,
+    /// What the latest image of the blocks has computed.
+    pub(super) latest: Mutex<Latest>,
     pub(super) threads: Arc<ThreadPool>,
     pub(super) interrupt: Arc<AtomicBool>,
     pub(super) clock: RunClock,
     /// The first error after the first iteration, which left the image incomplete or not denoised.
     pub failure: Option<Error>,
     pub(super) planted: Option<PlantedFailure>,
+}
+
+/// Weights of the blocks and statistics of the image after this number of iterations.
+#[derive(Default)]
+pub(super) struct Latest {
+    iterations: u64,
+    weights: Vec<f64>,
+    derived: DerivedStatistics,
 }
 
 /// Times of a run and their forecasts.
@@ -251,23 +260,18 @@ impl RenderState {
     /// The image so far: all blocks with their weights.
     pub fn image(&self) -> CombinedImage<'_> {
         let blocks = self.renderer.blocks();
-        CombinedImage::new(blocks, self.weights())
-    }
-
-    /// Weight of an iteration of each block. A single block needs no importance of the pixels.
-    fn weights(&self) -> Vec<f64> {
-        let blocks = self.renderer.blocks();
         let iterations = self.renderer.iterations();
-        let mut latest = self.latest_weights.lock().unwrap_or_else(PoisonError::into_inner);
-        let (known, weights) = &mut *latest;
-        if *known != iterations || weights.len() != blocks.len() {
+        let mut latest = self.latest.lock().unwrap_or_else(PoisonError::into_inner);
+        if latest.iterations != iterations || latest.weights.len() != blocks.len() {
+            // A single block needs no importance of the pixels.
             let importance = match blocks {
                 [_] => Vec::new(),
                 _ => importance(blocks, self.stop.objective),
             };
-            (*known, *weights) = (iterations, self.policy.weights(blocks, &importance));
+            let weights = self.policy.weights(blocks, &importance);
+            *latest = Latest { iterations, weights, derived: DerivedStatistics::default() };
         }
-        weights.clone()
+        CombinedImage::new(blocks, latest.weights.clone()).with_derived(latest.derived.clone())
     }
 
     /// Reserves this time for the caller's work at the end, such as writing files, instead of that of
@@ -329,10 +333,8 @@ impl RenderState {
         self.clock.last_estimate = elapsed;
         let entered = Instant::now();
         let (blocks, objective) = (self.renderer.blocks(), self.stop.objective);
-        let convergence = self.threads.install(|| {
-            let importance = importance(blocks, objective);
-            Convergence::new(blocks, self.policy.weights(blocks, &importance), &importance)
-        });
+        let convergence =
+            self.threads.install(|| Convergence::of(self.image(), &importance(blocks, objective)));
         self.clock.estimate_time = entered.elapsed().as_secs_f64();
         if convergence.variance.is_none() && self.status.convergence.is_some() {
             return; // After the first iteration of a block, the previous estimate is the better one.

@@ -10,7 +10,7 @@ use crate::film::radiance::{BOX_RADIUS, box_filter, box_filtered, luminance, tot
 use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// Weighted mean of several blocks.
 #[derive(Clone, Debug)]
@@ -18,8 +18,17 @@ pub struct CombinedImage<'a> {
     blocks: &'a [Block],
     weights: Vec<f64>,
     /// Computed at the first use.
+    derived: DerivedStatistics,
+}
+
+/// Statistics of an image that take passes over all pixels, computed when they are first needed. Clones share them.
+#[derive(Clone, Debug, Default)]
+pub struct DerivedStatistics(Arc<Derived>);
+
+#[derive(Debug, Default)]
+struct Derived {
     correction: OnceLock<Option<BiasCorrection>>,
-    /// Computed at the first use.
+    /// Of large images.
     moments: OnceLock<Vec<CellMoments>>,
 }
 
@@ -42,7 +51,13 @@ impl<'a> CombinedImage<'a> {
     pub fn new(blocks: &'a [Block], weights: Vec<f64>) -> Self {
         assert!(!blocks.is_empty() && blocks.len() == weights.len());
         assert!(weights.iter().all(|&weight| weight > 0.0 && weight.is_finite()));
-        Self { blocks, weights, correction: OnceLock::new(), moments: OnceLock::new() }
+        Self { blocks, weights, derived: DerivedStatistics::default() }
+    }
+
+    /// The same image with statistics that an equal image has computed: of these blocks, iterations and weights.
+    #[must_use]
+    pub fn with_derived(self, derived: DerivedStatistics) -> Self {
+        Self { derived, ..self }
     }
 
     /// Weight of an iteration of each block.
@@ -117,12 +132,12 @@ impl<'a> CombinedImage<'a> {
             let radiance = self.cell_moments().par_iter().map(|own| own.radiance.as_vec3());
             Some(correction.with_shares(radiance))
         };
-        self.correction.get_or_init(correction).as_ref()
+        self.derived.0.correction.get_or_init(correction).as_ref()
     }
 
     /// Moments of the cells, in row order.
     pub fn cell_moments(&self) -> &[CellMoments] {
-        self.moments.get_or_init(|| {
+        self.derived.0.moments.get_or_init(|| {
             let (grid, scale) = (self.grid(), self.total().recip());
             let factors = self.variance_scales();
             let add = |sums: &mut (DVec3, f64, f64), at: usize| {

@@ -5,7 +5,7 @@ mod aov_sums;
 pub mod bias;
 pub mod bias_correction;
 pub mod block;
-mod combined_image;
+pub mod combined_image;
 pub mod guiding;
 mod iteration;
 mod light_visibility;
