@@ -195,11 +195,14 @@ impl Builder {
         Ok(())
     }
 
-    /// A camera that sees everything, with a warning.
-    pub fn default_camera(&mut self, path: &Path) -> Result<Camera> {
+    /// A camera that sees everything, with a warning unless `change` replaces its position.
+    pub fn default_camera(&mut self, path: &Path, change: CameraChange<'_>) -> Result<Camera> {
         let camera = default_camera::camera(&self.bounds())?;
+        if change.from.is_some() || change.look_at.is_some() {
+            return Ok(camera);
+        }
         let (path, position) = (path.display(), camera.position());
-        let degrees = default_camera::DEGREES;
+        let degrees = change.fov.unwrap_or(default_camera::DEGREES);
         let text = format!("{path}: no camera; added one at {position}, {degrees} degrees high");
         self.warnings.push(Warning::chosen(text));
         Ok(camera)

@@ -370,7 +370,7 @@ fn load_obj(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let _ = builder.add(path, &obj, &Transform::IDENTITY, None, &BTreeMap::new());
     builder.arrange(path)?;
 
-    let camera = builder.default_camera(path)?;
+    let camera = builder.default_camera(path, options.camera_change)?;
     let extras = options.extras(&mut builder.warnings)?;
     builder.finish(path, Vec::new(), camera, extras)
 }

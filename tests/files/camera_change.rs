@@ -55,6 +55,24 @@ fn cameras_of_other_scenes_come_with_their_resolution() {
 }
 
 #[test]
+fn missing_camera_is_noted_unless_the_request_replaces_its_position() {
+    let obj = "tests/data/mitsuba/pyramid.obj";
+    let notes = |change: CameraChange| {
+        changed(obj, change).unwrap_or_else(|e| panic!("{e}")).warnings_text()
+    };
+    let none = CameraChange::default();
+    let shown = notes(none);
+    assert!(shown.contains("no camera") && shown.contains("40 degrees high"), "{shown}");
+    let shown = notes(CameraChange { fov: Some(12.5), ..none });
+    assert!(shown.contains("no camera") && shown.contains("12.5 degrees high"), "{shown}");
+    let shown = notes(CameraChange { look_at: Some("1,2,30,1,2,0".parse().unwrap()), ..none });
+    assert!(!shown.contains("no camera"), "{shown}");
+    let other = data("scenes/cornell-box");
+    let shown = notes(CameraChange { from: Some(&other), ..none });
+    assert!(!shown.contains("no camera"), "{shown}");
+}
+
+#[test]
 fn impossible_changes_name_the_problem() {
     let fov = |degrees| CameraChange { fov: Some(degrees), ..CameraChange::default() };
     let shown = changed("scenes/cornell-box", fov(200.0)).unwrap_err().to_string();

@@ -127,7 +127,7 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 
     let (camera, resolution) = match view {
         Some(view) => view,
-        None => (builder.default_camera(path)?, None),
+        None => (builder.default_camera(path, options.camera_change)?, None),
     };
     let defaults = PartialSettings { resolution, ..PartialSettings::default() };
     let extras = SceneExtras { defaults, ..options.extras(&mut builder.warnings)? };

@@ -117,7 +117,7 @@ impl SceneReader<'_> {
             (Some(sensor), Some(object)) => {
                 (sensor.camera(world, object)?, Some(sensor.resolution))
             }
-            _ => (builder.default_camera(path)?, None),
+            _ => (builder.default_camera(path, options.camera_change)?, None),
         };
         let defaults = PartialSettings { resolution, ..PartialSettings::default() };
         let extras = options.extras(&mut builder.warnings)?;

@@ -358,7 +358,7 @@ impl SceneReader<'_> {
         builder.arrange(path)?;
         let camera = match camera {
             Some(camera) => camera,
-            None => builder.default_camera(path)?,
+            None => builder.default_camera(path, options.camera_change)?,
         };
         let defaults =
             PartialSettings { resolution: Some(film.resolution()), ..PartialSettings::default() };
