@@ -26,13 +26,56 @@ fn table(measurement: &Measurement) -> csv::Result<Vec<u8>> {
                 let (row, column) = (index / set.grid[0], index % set.grid[0]);
                 let Reading { value, noise, bias, expanded, direct } = *reading;
                 let numbers = [value, expanded, noise, bias, direct, reading.indirect()];
-                let places = [row, column].map(|index| index.to_string());
+                let [row, column] = [row, column].map(|index| index.to_string());
                 let texts =
-                    [&set.name, &places[0], &places[1], lights, set.unit()].map(str::to_owned);
+                    [as_text(&set.name), row, column, as_text(lights), set.unit().to_owned()];
                 let fields = texts.into_iter().chain(numbers.map(|number| number.to_string()));
                 writer.write_record(fields)?;
             }
         }
     }
     writer.into_inner().map_err(|error| csv::Error::from(error.into_error()))
+}
+
+/// A name as a field that spreadsheets read as text. An apostrophe precedes names that begin like a formula.
+fn as_text(name: &str) -> String {
+    let is_formula = name.starts_with(['=', '+', '-', '@', '\t', '\r']);
+    if is_formula { format!("'{name}") } else { name.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bdpm::measurement::SetReadings;
+    use bdpm::scene::MeterKind;
+    use std::time::Duration;
+
+    #[test]
+    fn names_that_begin_like_a_formula_have_an_apostrophe() {
+        let reading = Reading { value: -2.5, noise: 0.0, bias: 0.0, expanded: 0.0, direct: 1.0 };
+        let set = |name: &str| SetReadings {
+            name: name.to_owned(),
+            kind: MeterKind::Irradiance,
+            grid: [1, 1],
+            readings: vec![reading],
+            mean: reading,
+            groups: vec![("@lamp".to_owned(), vec![reading], reading)],
+        };
+        let names = ["=cmd", "+1", "-1", "@SUM", "\tx", "desk", "a=b", "'=1"];
+        let measurement = Measurement {
+            sets: names.map(set).into(),
+            reached: true,
+            time: Duration::ZERO,
+            techniques: Vec::new(),
+            warnings: Vec::new(),
+        };
+        let table = String::from_utf8(table(&measurement).unwrap()).unwrap();
+        let rows: Vec<&str> = table.lines().skip(1).collect();
+        let expected = ["'=cmd", "'+1", "'-1", "'@SUM", "'\tx", "desk", "a=b", "'=1"];
+        assert_eq!(rows.len(), 2 * expected.len(), "{table}");
+        for (rows, name) in rows.chunks(2).zip(expected) {
+            assert!(rows[0].starts_with(&format!("{name},0,0,all,lx,-2.5,")), "{table}");
+            assert!(rows[1].starts_with(&format!("{name},0,0,'@lamp,lx,-2.5,")), "{table}");
+        }
+    }
 }
