@@ -66,7 +66,9 @@ fn measurement_reaches_its_target_and_states_units() {
     let table = std::fs::read_to_string(csv).unwrap();
     assert_eq!(table.lines().count(), 1 + 8 + 1, "{table}");
     assert!(table.lines().nth(1).unwrap().starts_with("plane,0,0,all,lx,"), "{table}");
-    crate::common::html::assert_whole(&std::fs::read_to_string(page).unwrap());
+    let page = std::fs::read_to_string(page).unwrap();
+    crate::common::html::assert_whole(&page);
+    assert!(page.contains("default-src 'none'"), "{page}");
     let map = bdpm::image_io::read_exr(&Path::new(&maps).join("plane.exr")).unwrap();
     let values = map.layer("").unwrap().channel("Y").unwrap();
     for (value, reading) in values.iter().zip(readings) {

@@ -20,10 +20,6 @@ use maud::{Markup, PreEscaped, html};
 use std::path::PathBuf;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// Allows only the content of the file: no external script, style, picture or address.
-const POLICY: &str =
-    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
-
 /// Minimum ratio of rendering time to the time for writing the page, which then takes at most 2 % of the time.
 const SHARE: u32 = 50;
 
@@ -129,7 +125,6 @@ impl Page {
     fn save(&self, scene: &str, body: &Markup, reload: Option<Duration>) -> Result<()> {
         let seconds = reload.map(|pause| pause.as_secs_f64().ceil());
         let head = html! {
-            meta http-equiv="Content-Security-Policy" content=(POLICY);
             meta name="color-scheme" content="light dark";
             link rel="icon" href="data:,";
             @if let Some(seconds) = seconds {

@@ -10,6 +10,11 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 /// Style sheet of all pages.
 const STYLE: &str = include_str!("style.css");
 
+/// Content security policy of all pages. It allows only the content of the file: no external script, style, picture or
+/// address.
+const POLICY: &str =
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
+
 /// A whole page. `style` and `head` follow the shared style and head.
 pub fn document(title: &str, style: &str, head: &Markup, body: &Markup) -> Markup {
     html! {
@@ -17,6 +22,7 @@ pub fn document(title: &str, style: &str, head: &Markup, body: &Markup) -> Marku
         html lang="en" {
             head {
                 meta charset="utf-8";
+                meta http-equiv="Content-Security-Policy" content=(POLICY);
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 title { (title) }
                 style { (PreEscaped(STYLE)) (PreEscaped(style)) }
@@ -50,5 +56,18 @@ pub fn table(class: &str, caption: &Markup, rows: &Markup) -> Markup {
             p .caption { (caption) }
             div .scroll { table class=(class) { (rows) } }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_page_has_the_content_policy_before_any_content() {
+        let page = document("a", "", &html! {}, &html! { p { "b" } }).into_string();
+        let policy = page.find("http-equiv=\"Content-Security-Policy\"").expect("a policy");
+        assert!(page.contains("default-src 'none'; img-src data:"), "{page}");
+        assert!(["<title>", "<style>", "<body>"].iter().all(|tag| page.find(tag) > Some(policy)));
     }
 }
