@@ -50,8 +50,15 @@ pub fn backend(name: Option<&str>) -> PyResult<Option<Backend>> {
 /// A time in seconds.
 pub fn seconds(name: &str, value: f64) -> PyResult<Duration> {
     let value = positive(name, value, "20 for 20 seconds")?;
-    Duration::try_from_secs_f64(value)
-        .map_err(|error| PyValueError::new_err(format!("{name} is {value}: {error}")))
+    match Duration::try_from_secs_f64(value) {
+        // Less than half a nanosecond
+        Ok(time) if time.is_zero() => {
+            let text = format!("{name} is {value}: give a longer time, such as 20 for 20 seconds");
+            Err(PyValueError::new_err(text))
+        }
+        Ok(time) => Ok(time),
+        Err(error) => Err(PyValueError::new_err(format!("{name} is {value}: {error}"))),
+    }
 }
 
 /// The value of an enumeration by the name that files have for it.

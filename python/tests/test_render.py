@@ -203,6 +203,8 @@ def test_png_is_that_of_the_program(box: bdpm.Scene, program: str, tmp_path: Pat
         ({"time": -1}, ValueError, "time is -1"),
         ({"target_error": 0}, ValueError, "target_error is 0"),
         ({"target_rms": "much"}, bdpm.Error, "much"),
+        ({"time": 0}, ValueError, "time is 0: give a positive number"),
+        ({"time": 1e-12}, ValueError, "give a longer time"),
         ({"objective": "least"}, ValueError, "use one of relative"),
         ({"layers": ["albdo"]}, ValueError, "use one of all"),
         ({"accel": "gpu"}, ValueError, "use one of embree, bvh"),

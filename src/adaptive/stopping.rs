@@ -64,7 +64,7 @@ impl Stop {
         Self { bias2, pilot_bias2: bias2, ..self }
     }
 
-    /// Stops after this rendering time.
+    /// Stops after this rendering time. Jobs refuse a time of 0.
     pub fn time(time: Duration) -> Self {
         Self { time: Some(time), ..Self::default() }
     }

@@ -3,7 +3,7 @@
 use super::interrupts::catch_interrupts;
 use super::outputs::{self, Attempts, Output};
 use super::progress::{Progress, ProgressFormat};
-use super::{json, print_notes, say};
+use super::{json, positive_time, print_notes, say};
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::{Error, Result};
 use bdpm::base::math::luminance;
@@ -42,7 +42,7 @@ pub struct Args {
     #[arg(long, value_name = "OUT.svg")]
     plot: Option<PathBuf>,
     /// Measure for about this time, such as 30s or 2m [default: 10s]
-    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    #[arg(long, value_name = "TIME", value_parser = positive_time)]
     time: Option<Duration>,
     /// Stop after N iterations instead
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(MIN_ITERATIONS..),

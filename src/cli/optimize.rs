@@ -1,11 +1,11 @@
 //! `bdpm optimize NOISE.exr`.
 
-use super::json;
 use super::optimize_plot::plot;
 use super::optimize_text::text;
 use super::outputs::{self, Attempts, Output};
 use super::predict::{Times, coefficients};
 use super::settings_args::{OBJECTIVE, word};
+use super::{json, positive_time};
 use bdpm::Settings;
 use bdpm::adaptive::optimize::NEAR_OPTIMUM;
 use bdpm::adaptive::optimize::Objective;
@@ -54,7 +54,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME|X0,Y0,X1,Y1", allow_hyphen_values = true)]
     region: Option<String>,
     /// Optimize for this rendering time, such as 60s or 1h, with 16 iterations or more
-    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration,
+    #[arg(long, value_name = "TIME", value_parser = positive_time,
           conflicts_with = "target_rms")]
     time: Option<Duration>,
     /// Optimize for this RMS, with 32 iterations or more
@@ -190,10 +190,7 @@ impl Args {
     fn budget(&self, source: &Source) -> Result<Budget> {
         let time = self.time.map(|time| time.as_secs_f64());
         match (time, self.target_rms) {
-            (Some(time), _) if time > 0.0 => Ok(Budget::Time(time)),
-            (Some(_), _) => {
-                Err(Error::new("nothing can be rendered in 0 seconds", "give --time 1s or more"))
-            }
+            (Some(time), _) => Ok(Budget::Time(time)),
             (None, Some(target)) => Budget::to_target(target, source),
             (None, None) => Ok(Budget::Unbounded),
         }

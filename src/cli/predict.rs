@@ -1,7 +1,7 @@
 //! `bdpm predict NOISE.exr`.
 
 use super::analyze_text::with_error;
-use super::json;
+use super::{json, positive_time};
 use bdpm::adaptive::optimize::predict::{Optimum, Predicted, Prediction, RenderTime, Source};
 use bdpm::base::error::{Error, Result};
 use bdpm::noise::file::NoiseFile;
@@ -45,7 +45,7 @@ pub struct Args {
     #[arg(long, value_name = "T.json|FOLDER", requires = "time")]
     timings: Option<PathBuf>,
     /// Predict the noise after this rendering time, such as 1000s or 1h
-    #[arg(long, value_name = "TIME", requires = "timings", value_parser = humantime::parse_duration)]
+    #[arg(long, value_name = "TIME", requires = "timings", value_parser = positive_time)]
     time: Option<Duration>,
     /// Print the result as one JSON object on stdout
     #[arg(long)]
@@ -94,7 +94,9 @@ impl Times {
 pub fn run(args: &Args) -> Result<String> {
     let timings = args.timings.as_deref().map(Timings::load).transpose()?;
     let render = match (&timings, args.time) {
-        (Some(timings), Some(time)) => Some(render_time(timings.model, time)?),
+        (Some(timings), Some(time)) => {
+            Some(RenderTime { model: timings.model, time: time.as_secs_f64() })
+        }
         _ => None,
     };
     let mut report = match (&args.coefficients, &args.file) {
@@ -116,14 +118,6 @@ pub fn run(args: &Args) -> Result<String> {
     };
     report.times = timings.zip(args.timings.as_ref()).map(|(all, from)| Times::new(from, &all));
     Ok(if args.json { json(&report) } else { text(&report) })
-}
-
-fn render_time(model: TimeModel, time: Duration) -> Result<RenderTime> {
-    let time = time.as_secs_f64();
-    if time > 0.0 {
-        return Ok(RenderTime { model, time });
-    }
-    Err(Error::new("cannot predict the noise after 0 seconds", "give --time 1s or more"))
 }
 
 /// Reads `a,b,f`.

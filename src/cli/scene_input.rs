@@ -1,7 +1,7 @@
 //! The loaded scene of a command, with the threads that render it.
 
 use super::progress::ProgressFormat;
-use super::{SceneArgs, print_notes, say};
+use super::{SceneArgs, positive_time, print_notes, say};
 use bdpm::accel::Intersect;
 use bdpm::base::error::Result;
 use bdpm::import::Loaded;
@@ -19,7 +19,7 @@ pub struct SessionArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
     /// Render for about this time, such as 30s, 2m or 1h [default: no limit]
-    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    #[arg(long, value_name = "TIME", value_parser = positive_time)]
     pub time: Option<Duration>,
     /// Use this many threads, without effect on the image [default: all processors]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]

@@ -193,6 +193,10 @@ impl RenderJob {
         observer: &mut impl FnMut(Event) -> ControlFlow<()>,
     ) -> Result<RenderResult> {
         let start = self.started.unwrap_or_else(Instant::now);
+        if self.stop.time.is_some_and(|time| time.is_zero()) {
+            let advice = "give a time above 0, or a number of iterations";
+            return Err(Error::new("nothing can be rendered in a time of 0", advice));
+        }
         let Prepared { scene, accel, threads, mut provenance, build_time } = self.prepare()?;
         if let Some(leader) = leader {
             leader.check_workers(&provenance)?;

@@ -15,7 +15,7 @@ const MAX_OVER: f64 = 4.0;
 /// Ratio of the estimated to the given time above which the job warns.
 const WARN_OVER: f64 = 1.5;
 
-/// Minimum time for the comparison, seconds: a time of 0 requests the shortest possible render.
+/// Minimum time for the comparison, seconds. Shorter times request the shortest possible render.
 const MIN_TIME: f64 = 1.0;
 
 /// Estimates by a short measurement the time of `min_iterations` iterations at these path counts. Returns a warning if

@@ -32,6 +32,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
+/// Minimum time of a render job: if the whole time is over, the remaining jobs are as short as possible.
+const MIN_TIME: Duration = Duration::from_nanos(1);
+
 /// Target of the expanded uncertainty if there is neither a target nor a time.
 pub const DEFAULT_TARGET: f64 = 0.02;
 
@@ -256,7 +259,10 @@ impl MeasureJob {
         for (number, (name, scene)) in (0..).zip(&groups) {
             for (kind_number, kind) in (0..).zip(&kinds) {
                 let left = jobs - (number * kinds.len() as u32 + kind_number);
-                let time = self.time.map(|time| time.saturating_sub(start.elapsed()) / left);
+                let time = self.time.map(|time| {
+                    let share = time.saturating_sub(start.elapsed()) / left;
+                    share.max(MIN_TIME)
+                });
                 let sets = (0..).zip(&self.sets).filter(|(_, set)| set.kind == *kind);
                 let sets: Vec<(usize, &MeterSet)> = sets.collect();
                 let mut watched = |worst, iterations| {

@@ -63,6 +63,14 @@ fn failed_first_iteration_is_an_error() {
 }
 
 #[test]
+fn time_of_zero_is_refused_with_advice() {
+    let job = job(&loaded()).stop(Stop::time(Duration::ZERO));
+    let shown = job.render().err().unwrap().to_string();
+    let expected = "nothing can be rendered in a time of 0\nhelp: give a time above 0";
+    assert!(shown.contains(expected), "{shown}");
+}
+
+#[test]
 fn failed_revision_keeps_the_technique() {
     let (result, warnings) = with_failure(job(&loaded()), Step::Revision, 1);
     assert_eq!((result.stopped_by, result.failure().is_none()), (StoppedBy::Time, true));

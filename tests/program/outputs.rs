@@ -111,7 +111,7 @@ fn no_command_replaces_what_it_has_read() {
         "--output",
         "t.json",
         "--time",
-        "0s",
+        "1ms",
         "--quiet",
     ]));
     succeed(&desk.render(&[

@@ -359,6 +359,7 @@ fn wrong_usage_has_exit_code_2_and_help() {
         ("--iterations", "0"),
         ("--iterations", "x"),
         ("--time", "soon"),
+        ("--time", "0s"),
         ("--threads", "0"),
         ("--radius", "-1"),
         ("--radius", "0%"),
