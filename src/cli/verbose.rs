@@ -21,7 +21,7 @@ pub fn at_start(args: &Args, input: &SceneInput, state: &RenderState) -> Vec<Str
         "read the scene in {load:.3}s, built the acceleration structure in {build:.3}s"
     )];
     if let Some(selection) = &state.selection {
-        lines.extend(candidates(selection));
+        lines.extend(candidates(selection, state.stop.time.is_some()));
     }
     let resolved = ResolvedSettings {
         settings: &state.provenance.settings,
@@ -68,9 +68,23 @@ pub fn revision(state: &RenderState) -> Option<String> {
     ))
 }
 
-/// The best candidates of the pilot with their predicted errors.
-fn candidates(selection: &Selection) -> impl Iterator<Item = String> {
-    selection.candidates.iter().take(CANDIDATES).enumerate().map(|(index, candidate)| {
+/// The best candidates of the pilot with their predicted errors, and with the reason if they were compared by other
+/// errors, or by other times if no time ends the render.
+fn candidates(selection: &Selection, has_time: bool) -> Vec<String> {
+    let listed = &selection.candidates[..CANDIDATES.min(selection.candidates.len())];
+    // Equal penalties do not change the order.
+    let differ = listed.iter().any(|own| own.penalties.total() != listed[0].penalties.total());
+    let counted = |candidate: &Candidate| {
+        let (total, reasons) = (candidate.penalties.total(), candidate.penalties.reasons());
+        match differ && !reasons.is_empty() {
+            false => String::new(),
+            true if has_time => {
+                format!(" (counted as {:.2} %: {reasons})", 100.0 * candidate.error * total.sqrt())
+            }
+            true => format!(" (counted as {}: {reasons})", human_time(candidate.seconds * total)),
+        }
+    };
+    let line = |(index, candidate): (usize, &Candidate)| {
         let [error, noise, bias] =
             [candidate.error, candidate.noise, candidate.bias].map(|share| 100.0 * share);
         let radius = match candidate.technique.strategy.has_photons() {
@@ -78,12 +92,14 @@ fn candidates(selection: &Selection) -> impl Iterator<Item = String> {
             false => String::new(),
         };
         format!(
-            "{}: {}{radius}: error {error:.2} % after {}, noise {noise:.2} %, merge bias {bias:.2} %",
+            "{}: {}{radius}: error {error:.2} % after {}, noise {noise:.2} %, merge bias {bias:.2} %{}",
             if index == 0 { "chosen" } else { "not chosen" },
             candidate.technique.describe(),
             human_time(candidate.seconds),
+            counted(candidate),
         )
-    })
+    };
+    listed.iter().enumerate().map(line).collect()
 }
 
 /// Settings of a job, before or after the choice of a pilot.
@@ -181,6 +197,80 @@ pub fn at_end(report: &RenderReport) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bdpm::adaptive::technique::{Penalties, Technique};
+    use bdpm::settings::{Direct, Kernel, Strategy};
+    use bdpm::timing::TimeModel;
+
+    fn candidate(error: f64, penalties: Penalties) -> Candidate {
+        let technique = Technique {
+            strategy: Strategy::Mis,
+            merge_vertex: 2,
+            direct: Direct::Connect,
+            kernel: Kernel::Area,
+            splitting: 1,
+            medium_query: None,
+        };
+        let times = TimeModel {
+            fixed: 0.0,
+            light_path: 1e-6,
+            camera_path: 1e-6,
+            look_up: 0.0,
+            merge_pair: 0.0,
+            pixels: 100.0,
+        };
+        Candidate {
+            technique,
+            radius: 0.1,
+            caustic_radius: 0.1,
+            medium_scale: 4.0,
+            light_paths: 1000,
+            camera_paths: 1,
+            seconds: 10.0,
+            error,
+            noise: error,
+            bias: 0.0,
+            bias2_error: 0.0,
+            tried: penalties.untried == 1.0,
+            penalties,
+            times,
+        }
+    }
+
+    #[test]
+    fn smaller_error_that_was_not_chosen_has_its_reason() {
+        let untried = Penalties { untried: 4.0, ..Penalties::default() };
+        let selection = |penalties: [Penalties; 2]| Selection {
+            candidates: vec![candidate(0.132, penalties[0]), candidate(0.1074, penalties[1])],
+            open: FreeParameters::ALL,
+            guide: None,
+            seconds: 1.0,
+            revised: None,
+        };
+        let chosen = selection([Penalties::default(), untried]);
+        for (has_time, counted) in [(true, "21.48 %"), (false, "40s")] {
+            let lines = candidates(&chosen, has_time);
+            assert!(lines[0].starts_with("chosen: ") && !lines[0].contains("counted"), "{lines:?}");
+            let reason = format!("(counted as {counted}: it was never tried at these radii)");
+            assert!(
+                lines[1].starts_with("not chosen: ") && lines[1].ends_with(&reason),
+                "{lines:?}"
+            );
+        }
+        let merging = Penalties { merging: 1.4, ..Penalties::default() };
+        let equal = candidates(&selection([merging, merging]), true);
+        assert!(equal.iter().all(|line| !line.contains("counted")), "{equal:?}");
+    }
+
+    #[test]
+    fn candidates_of_older_files_have_no_penalties() {
+        let own = candidate(0.1, Penalties { rare_light: 4.0, ..Penalties::default() });
+        let mut json = serde_json::to_value(own).unwrap();
+        assert_eq!(json["penalties"]["rare_light"], 4.0);
+        assert_eq!(serde_json::from_value::<Candidate>(json.clone()).unwrap(), own);
+        json.as_object_mut().unwrap().remove("penalties");
+        let older: Candidate = serde_json::from_value(json).unwrap();
+        assert_eq!(older.penalties, Penalties::default());
+    }
 
     #[test]
     fn names_of_given_settings_are_those_of_all_settings() {

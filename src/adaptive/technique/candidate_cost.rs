@@ -1,6 +1,6 @@
 //! Finds the best counts of a technique at given radii, and predicts the error or time they lead to.
 
-use super::{Candidate, End, FreeParameters, Technique};
+use super::{Candidate, End, FreeParameters, Penalties, Technique};
 use crate::adaptive::autopilot::min_iterations_after_choice;
 use crate::adaptive::stopping::{MIN_ITERATIONS_TO_TARGET, MIN_NOISE_SHARE};
 use crate::noise::Coefficients;
@@ -214,7 +214,7 @@ impl Best {
     }
 
     /// The candidate that the program reports.
-    pub fn scored(&self, technique: Technique) -> Candidate {
+    pub fn scored(&self, technique: Technique, penalties: Penalties) -> Candidate {
         let Self { radii, camera_paths, seconds, noise2, bias2, bias2_error, times, tried, .. } =
             *self;
         let medium_scale = self.medium_scale;
@@ -232,6 +232,7 @@ impl Best {
             bias2_error,
             times,
             tried,
+            penalties,
         }
     }
 
@@ -242,7 +243,7 @@ impl Best {
 
     /// Settings of a trial at these radii.
     pub fn settings(&self, settings: &Settings, technique: Technique) -> Settings {
-        self.scored(technique).apply(settings)
+        self.scored(technique, Penalties::default()).apply(settings)
     }
 }
 

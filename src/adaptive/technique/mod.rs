@@ -11,10 +11,12 @@ mod bias;
 mod candidate_cost;
 mod medium_scale;
 mod model;
+mod penalties;
 mod pilot;
 mod revision;
 mod trial;
 
+pub use penalties::Penalties;
 pub use revision::{Revised, Revision, TimeShare};
 
 use crate::base::error::Result;
@@ -181,6 +183,9 @@ pub struct Candidate {
     pub bias2_error: f64,
     /// Whether a trial measured it at these radii.
     pub tried: bool,
+    /// Factors on its squared error where the pilot compared it with others. The predicted errors are without them.
+    #[serde(default)]
+    pub penalties: Penalties,
     /// Times of an iteration of the image, from trials on a sample of it.
     pub times: TimeModel,
 }

@@ -5,7 +5,7 @@ use super::candidate_cost::{Best, CandidateCost};
 use super::model::{ENOUGH_FOUND, ImageScale, LARGEST_SCALE, Model};
 use super::revision::Revision;
 use super::trial::{Trial, TrialRunner};
-use super::{End, FreeParameters, SceneTraits, Selection, Technique};
+use super::{End, FreeParameters, Penalties, SceneTraits, Selection, Technique};
 use crate::base::error::Result;
 use crate::film::radiance::luminance_weights;
 use crate::render::NestedPart;
@@ -102,7 +102,7 @@ pub fn run(
     pilot.screen(candidates, each)?;
     pilot.try_large_radii(large)?;
     let finalists = pilot.finish(last / FINALISTS)?;
-    let scored = |own: &Finalist| own.best.scored(own.model.technique);
+    let scored = |own: &Finalist| own.best.scored(own.model.technique, own.penalties);
     let candidates = finalists.iter().map(scored).collect();
     let revision = Revision::new(finalists, pilot.demand, pilot.scale());
     let seconds = start.elapsed().as_secs_f64();
@@ -132,8 +132,8 @@ struct Tried {
 pub struct Finalist {
     pub model: Model,
     pub best: Best,
-    /// Factor on the squared error for light that trials miss.
-    pub penalty: f64,
+    /// Factors on the squared error. That of an untried finalist is 1 until the last round is over.
+    pub penalties: Penalties,
     /// Largest mean luminance of its trials, W/(m^2 sr).
     pub luminance: f64,
 }
@@ -153,7 +153,7 @@ impl Pilot<'_> {
         let weights = common_weights(&self.tried);
         let rank = |tried: &Tried| {
             let best = self.model(tried, &weights).best(&self.demand);
-            best.rank(&self.demand) * self.penalty(tried.technique)
+            best.rank(&self.demand) * self.penalties(tried.technique).total()
         };
         let ranks: Vec<f64> = self.tried.iter().map(rank).collect();
         let mut ranked: Vec<_> = ranks.into_iter().zip(self.tried.drain(..)).collect();
@@ -183,11 +183,14 @@ impl Pilot<'_> {
         Ok(trial)
     }
 
-    /// Factor on the squared error of a technique, for light that short trials miss.
-    fn penalty(&self, technique: Technique) -> f64 {
+    /// Factors on the squared error of a technique.
+    fn penalties(&self, technique: Technique) -> Penalties {
         let is_rare = technique.strategy == Strategy::Single && self.runner.mirrors_lamps_roughly();
-        let rare = if is_rare { RARE_LIGHT_PENALTY } else { 1.0 };
-        if technique.merges() { rare * MERGING_PENALTY } else { rare }
+        Penalties {
+            merging: if technique.merges() { MERGING_PENALTY } else { 1.0 },
+            rare_light: if is_rare { RARE_LIGHT_PENALTY } else { 1.0 },
+            untried: 1.0,
+        }
     }
 
     /// Fits the trials of a technique so far. A bias that none of them measured is that of the prior.
@@ -239,7 +242,7 @@ impl Pilot<'_> {
             // Where no radius is open, or none matters, all trials were at the best radii.
             best.tried = !self.demand.open.any_radius() || !tried.technique.merges();
             let luminance = tried.trials.iter().map(Trial::luminance).fold(0.0, f64::max);
-            Finalist { model, best, penalty: self.penalty(tried.technique), luminance }
+            Finalist { model, best, penalties: self.penalties(tried.technique), luminance }
         };
         let mut finalists: Vec<Finalist> = self.tried.iter().map(finalist).collect();
         // Largest factor by which a trial exceeded its prediction.
@@ -253,13 +256,19 @@ impl Pilot<'_> {
             let is_over = any_tried && elapsed > patience * self.budget;
             // The prediction for an untried candidate can be wrong by as much.
             let untried = if is_over { UNTRIED * surprise } else { 1.0 };
-            let rank = |Finalist { best, penalty, .. }: &Finalist| {
-                penalty * best.rank(&self.demand) * if best.tried { 1.0 } else { untried }
+            for Finalist { best, penalties, .. } in &mut finalists {
+                penalties.untried = if best.tried { 1.0 } else { untried };
+            }
+            let rank = |Finalist { best, penalties, .. }: &Finalist| {
+                best.rank(&self.demand) * penalties.total()
             };
             finalists.sort_by(|one, other| rank(one).total_cmp(&rank(other)));
             if finalists[0].best.tried || is_over {
                 self.try_splitting(&mut finalists[0], &weights, seconds)?;
                 self.try_medium_scales(&mut finalists[0], &weights, seconds)?;
+                if finalists[0].best.tried {
+                    finalists[0].penalties.untried = 1.0;
+                }
                 return Ok(finalists);
             }
             let Finalist { model, best, luminance, .. } = &mut finalists[0];
@@ -301,7 +310,7 @@ impl Pilot<'_> {
 fn is_promising(finalists: &[Finalist], demand: &CandidateCost) -> bool {
     let least = |tried: bool| {
         let of = finalists.iter().filter(|finalist| finalist.best.tried == tried);
-        of.map(|Finalist { best, penalty, .. }| penalty * best.rank(demand))
+        of.map(|Finalist { best, penalties, .. }| penalties.total() * best.rank(demand))
             .fold(f64::INFINITY, f64::min)
     };
     PROMISING * least(false) < least(true)

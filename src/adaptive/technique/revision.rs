@@ -9,7 +9,7 @@ use super::candidate_cost::CandidateCost;
 use super::model::{ImageMeasurement, ImageScale};
 use super::pilot::Finalist;
 use super::trial::BIAS_TOLERANCE;
-use super::{Candidate, End, Selection};
+use super::{Candidate, End, Penalties, Selection};
 use crate::adaptive::autopilot::fitted_times;
 use crate::adaptive::optimize::Objective;
 use crate::adaptive::stopping::importance;
@@ -116,29 +116,32 @@ impl Revision {
         // The bias at larger radii is not known: light may leak through walls there.
         let grows =
             own.radii.iter().zip(measured.image.radii).any(|(own, present)| *own > 1.001 * present);
-        let mut best = (if grows { f64::INFINITY } else { own.rank(&again) }, 0, own);
+        // The image has measured the present choice.
+        let measured_penalties = Penalties { untried: 1.0, ..present.penalties };
+        let rank = if grows { f64::INFINITY } else { own.rank(&again) };
+        let mut best = (rank, 0, own, measured_penalties);
         for (index, finalist) in self.finalists.iter().enumerate().skip(1) {
             if finalist.luminance < (1.0 - BIAS_TOLERANCE) * measured.least_luminance {
                 continue; // Its trials missed light that the image has found.
             }
             let other = finalist.best.after(&self.demand, &again);
             let caution = if other.tried { SAMPLED } else { UNTRIED };
-            let penalty = finalist.penalty / present.penalty;
-            let rank = other.rank(&again) * caution * penalty * surprise;
+            let penalties = Penalties { untried: caution * surprise, ..finalist.penalties };
+            let rank = other.rank(&again) * penalties.total() / measured_penalties.total();
             if rank < best.0 {
-                best = (rank, index, other);
+                best = (rank, index, other, penalties);
             }
         }
-        let (rank, index, other) = best;
+        let (rank, index, other, penalties) = best;
         let is_worthwhile = rank < WORTHWHILE * rank_of_going_on;
         if !is_worthwhile {
             return None; // Also if a rank is not a number.
         }
         self.checks = CHECKS.len();
         let mut candidates: Vec<Candidate> = selection.candidates.clone();
-        let instead_of = going_on.scored(present.model.technique);
+        let instead_of = going_on.scored(present.model.technique, measured_penalties);
         candidates[0] = instead_of;
-        candidates.insert(0, other.scored(self.finalists[index].model.technique));
+        candidates.insert(0, other.scored(self.finalists[index].model.technique, penalties));
         let revised = Some(Revised { after: done, instead_of });
         Some(Selection { candidates, revised, ..selection.clone() })
     }

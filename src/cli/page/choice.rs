@@ -83,7 +83,11 @@ fn disadvantage(best: &Candidate, other: &Candidate) -> String {
     } else if error > 1.0 + NOTABLE {
         format!("would have {error:.2} times the error")
     } else if error < 1.0 - NOTABLE {
-        format!("has a predicted error {error:.2} times as large, but there was no time to try it")
+        let reason = match &other.penalties.reasons()[..] {
+            "" => "there was no time to try it".to_owned(),
+            reasons => reasons.to_owned(),
+        };
+        format!("has a predicted error {error:.2} times as large, but {reason}")
     } else {
         "would do equally well within the accuracy of the pilot".to_owned()
     }
