@@ -41,7 +41,7 @@ single() {
 denoised() {
     render "$@"
     "$bdpm" denoise "$work/$1.exr" --output "$work/$1.denoised.exr" >/dev/null
-    "$picture" strip "$out/$1.jpg" "denoised@$work/$1.denoised.exr" ""
+    "$picture" strip "$out/$1.jpg" "$work/$1.denoised.exr" ""
 }
 
 # Relative RMSE of an image to a reference in percent.

@@ -3,8 +3,10 @@
 use super::outputs::{self, Attempts, Output};
 use super::preview;
 use bdpm::base::error::{Error, Result};
-use bdpm::image_io::{self, Image, Layer};
-use bdpm::output::denoise::{Denoised, Guides, Oidn};
+use bdpm::base::math::{Rgb, luminance};
+use bdpm::base::photometry::LUMENS_PER_WATT;
+use bdpm::image_io::{self, Image, Layer, NOISY};
+use bdpm::output::denoise::{Guides, Oidn};
 use glam::Vec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -14,7 +16,7 @@ use std::time::Instant;
 pub struct Args {
     /// Denoise this EXR image; its layers albedo and normal guide the denoiser
     image: PathBuf,
-    /// Write all layers and the layer `denoised` here [default: IMAGE.denoised.exr]
+    /// Write the result here, the raw image as `noisy` [default: IMAGE.denoised.exr]
     #[arg(long, short, value_name = "OUT.exr")]
     output: Option<PathBuf>,
     /// Use this many threads [default: all processors]
@@ -51,15 +53,11 @@ pub fn run(args: &Args) -> Result<String> {
     let size = (image.width, image.height);
     let guides = oidn.prefilter(size, guides)?;
     let pixels = oidn.denoise(size, &radiance, &guides)?;
-    let denoised = Denoised { image: pixels, error: None, is_raw: false };
     let (seconds, guided) = (start.elapsed().as_secs_f64(), !guides.albedo.is_empty());
-    // Layers and errors of an earlier denoised image no longer hold.
-    image.layers.retain(|layer| !layer.name.starts_with("denoised"));
-    image.metadata.retain(|name, _| !name.starts_with("denoised"));
-    image.layers.extend(bdpm::output::denoise::layers(&denoised));
+    replace(&mut image, &pixels);
     let mut attempts = Attempts::default();
     attempts.add(&exr, || image_io::write_exr(&exr, &image));
-    attempts.add(&png, || image_io::write_png(&png, size.0, size.1, &denoised.image));
+    attempts.add(&png, || image_io::write_png(&png, size.0, size.1, &pixels));
     attempts.finish()?;
     let name = |path: &Path| path.to_string_lossy().into_owned();
     let denoiser = format!("Open Image Denoise {}", oidn.version());
@@ -73,7 +71,7 @@ fn inputs(image: &Image) -> Result<(Vec<Vec3>, Guides)> {
         values.into_iter().map(|value| if value.is_finite() { value } else { Vec3::ZERO }).collect()
     };
     let radiance = image
-        .layer("")
+        .raw()
         .and_then(Layer::to_rgb)
         .ok_or_else(|| Error::new("the image has no channels R, G and B", "give an RGB image"))?;
     let albedo = image.layer("albedo").and_then(Layer::to_rgb);
@@ -88,6 +86,33 @@ fn inputs(image: &Image) -> Result<(Vec<Vec3>, Guides)> {
         clean: false, // Their noise is not known.
     });
     Ok((finite(radiance), guides))
+}
+
+/// Replaces the image by the denoised one, and keeps the raw one in the layer [`NOISY`]. Other channels, such as alpha,
+/// are unchanged.
+fn replace(image: &mut Image, denoised: &[Rgb]) {
+    // Layers and errors of an earlier denoised image no longer hold.
+    image.layers.retain(|layer| !layer.name.starts_with("denoised"));
+    image.metadata.retain(|name, _| !name.starts_with("denoised"));
+    let is_photometric = image.metadata.contains_key("luminance in lumens per watt");
+    let mut raw = Vec::new();
+    for layer in &mut image.layers {
+        if layer.name.is_empty() {
+            let is_color = |(name, _): &(String, Vec<f32>)| ["R", "G", "B"].contains(&&name[..]);
+            let channels = std::mem::take(&mut layer.channels);
+            let (colors, others): (Vec<_>, Vec<_>) = channels.into_iter().partition(is_color);
+            layer.channels = Layer::rgb("", denoised).channels;
+            layer.channels.extend(others);
+            raw = colors;
+        } else if is_photometric && layer.name == "luminance" {
+            let values = denoised.iter().map(|pixel| LUMENS_PER_WATT * luminance(*pixel)).collect();
+            layer.channels = vec![("Y".into(), values)];
+        }
+    }
+    // An image that was denoised before has its raw image already.
+    if image.layer(NOISY).is_none() {
+        image.layers.push(Layer { name: NOISY.into(), channels: raw });
+    }
 }
 
 fn text(report: &DenoiseReport) -> String {

@@ -38,6 +38,9 @@ pub enum Value {
     Number(f64),
 }
 
+/// Name of the layer with the image before `bdpm denoise` replaced it.
+pub const NOISY: &str = "noisy";
+
 /// Named channels of an image file, one `f32` per pixel and channel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
@@ -94,5 +97,10 @@ impl Image {
     /// The layer of this name; the image itself has the empty one.
     pub fn layer(&self, name: &str) -> Option<&Layer> {
         self.layers.iter().find(|layer| layer.name == name)
+    }
+
+    /// The image before denoising: the layer [`NOISY`] if `bdpm denoise` wrote the file, else the image itself.
+    pub fn raw(&self) -> Option<&Layer> {
+        self.layer(NOISY).or_else(|| self.layer(""))
     }
 }

@@ -228,7 +228,7 @@ impl NoiseFile {
         for key in ["light_paths", "camera_paths", "iterations", BATCH_COUNTS] {
             facts.remove(key);
         }
-        let rgb = image.layer("").and_then(Layer::to_rgb);
+        let rgb = image.raw().and_then(Layer::to_rgb);
         let rgb = rgb.ok_or_else(|| broken("channels R, G and B"))?;
         let (width, height) = (image.width, image.height);
         let noise = NoiseImage {

@@ -220,16 +220,21 @@ fn a_target_is_about_the_denoised_image() {
 #[test]
 fn any_image_is_denoised_and_unknown_errors_are_not_invented() {
     let (_folder, at) = folder();
-    let (image, out) = (at("a.exr"), at("b.exr"));
+    let (image, out, again) = (at("a.exr"), at("b.exr"), at("c.exr"));
     for (layers, guided) in [("all", true), ("none", false)] {
         json(&render(&image, &["--iterations", "4", "--layers", layers]));
         let mut command = run(&["denoise", "--json", "--output"]);
         let report = json(&command.arg(&out).arg(&image).output().unwrap());
         assert_eq!(report["guided"], guided);
-        let denoised = read_exr(&out).unwrap();
-        assert_eq!(denoised.layer(""), read_exr(&image).unwrap().layer(""));
-        assert!(denoised.layer("denoised").is_some() && denoised.layer("denoised_error").is_none());
+        let (raw, denoised) = (read_exr(&image).unwrap(), read_exr(&out).unwrap());
+        let channels = |image: &Image, layer: &str| image.layer(layer).unwrap().channels.clone();
+        assert_eq!(channels(&denoised, "noisy"), channels(&raw, ""));
+        assert_ne!(channels(&denoised, ""), channels(&raw, ""), "other programs show this layer");
+        assert!(denoised.layers.iter().all(|layer| !layer.name.starts_with("denoised")));
         assert!(out.with_extension("png").exists());
+        // Denoising again begins with the raw image.
+        succeed(&run(&["denoise", "--output"]).arg(&again).arg(&out).output().unwrap());
+        assert_eq!(read_exr(&again).unwrap().layers, denoised.layers);
     }
     let output = run(&["denoise"]).arg(&image).output().unwrap();
     assert!(succeed(&output).contains("error is not known"));

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Factors on the squared error of a candidate where candidates are compared. A factor of 1 is no penalty. Where an error
-/// ends the render, they are factors on its time.
+/// Factors on the squared error of a candidate where candidates are compared. A factor of 1 is no penalty. If an error
+/// ends the render, they are factors on the time of the candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Penalties {
     /// For merged photons.
