@@ -2,9 +2,13 @@
 
 use super::json;
 use bdpm::base::error::{Error, Result};
-use bdpm::import::read_radiance;
+use bdpm::base::math::Rgb;
+use bdpm::image_io::Metadata;
+use bdpm::import::{RadianceImage, read_radiance};
 use bdpm::output::glare::{Glare, LuminanceImage, SEARCH_ANGLE, THRESHOLD};
+use bdpm::output::recorded_camera::RecordedCamera;
 use bdpm::scene::FisheyeProjection;
+use bdpm::settings::provenance::Provenance;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -12,12 +16,12 @@ use std::path::PathBuf;
 pub struct Args {
     /// Read this fisheye image, an EXR file of `render` or an .hdr file
     image: PathBuf,
-    /// Take this projection of the fisheye image
-    #[arg(long, default_value = "equidistant")]
-    projection: Projection,
-    /// Take this full angle of the image circle, degrees
-    #[arg(long, value_name = "DEGREES", default_value_t = 180.0)]
-    fov: f64,
+    /// Take this projection [default: that of the file, or equidistant]
+    #[arg(long)]
+    projection: Option<Projection>,
+    /// Take this full angle of the circle [default: that of the file, or 180 degrees]
+    #[arg(long, value_name = "DEGREES")]
+    fov: Option<f64>,
     /// Count pixels above this luminance as glare sources, cd/m2
     #[arg(long, value_name = "CD/M2", default_value_t = THRESHOLD)]
     threshold: f64,
@@ -40,6 +44,15 @@ enum Projection {
     Equisolid,
 }
 
+impl From<Projection> for FisheyeProjection {
+    fn from(projection: Projection) -> Self {
+        match projection {
+            Projection::Equidistant => Self::Equidistant,
+            Projection::Equisolid => Self::Equisolid,
+        }
+    }
+}
+
 #[derive(Serialize)]
 struct GlareReport<'a> {
     image: String,
@@ -51,8 +64,8 @@ struct GlareReport<'a> {
 
 pub fn run(args: &Args) -> Result<String> {
     let in_range = |value: f64, from: f64, to: f64| value > from && value <= to;
-    if !in_range(args.fov, 0.0, 360.0) {
-        let problem = format!("the field of view is {} degrees", args.fov);
+    if let Some(fov) = args.fov.filter(|fov| !in_range(*fov, 0.0, 360.0)) {
+        let problem = format!("the field of view is {fov} degrees");
         return Err(Error::new(problem, "give an angle above 0, of at most 360 degrees"));
     }
     if !(in_range(args.threshold, 0.0, f64::MAX) && in_range(args.efficacy, 0.0, f64::MAX)) {
@@ -62,15 +75,13 @@ pub fn run(args: &Args) -> Result<String> {
         let problem = format!("the angle is {} radians", args.search_angle);
         return Err(Error::new(problem, "give an angle above 0, of at most pi"));
     }
-    let (width, height, mut pixels) = read_radiance(&args.image)?;
+    let RadianceImage { size, mut pixels, metadata } = read_radiance(&args.image)?;
+    let lens = check_finite(size, &pixels).and_then(|()| lens(args, &metadata));
+    let (projection, fov) = lens.map_err(|error| error.at(&args.image))?;
     // Images in other units of luminance
     let scale = (args.efficacy / 683.0) as f32;
     pixels.iter_mut().for_each(|pixel| *pixel *= scale);
-    let projection = match args.projection {
-        Projection::Equidistant => FisheyeProjection::Equidistant,
-        Projection::Equisolid => FisheyeProjection::Equisolid,
-    };
-    let image = LuminanceImage::new((width, height), &pixels, projection, args.fov.to_radians());
+    let image = LuminanceImage::new(size, &pixels, projection, fov.to_radians());
     let glare = Glare::new(&image, args.threshold, args.search_angle);
     if args.json {
         let image = args.image.display().to_string();
@@ -83,6 +94,50 @@ pub fn run(args: &Args) -> Result<String> {
         }));
     }
     Ok(text(&glare))
+}
+
+/// Refuses pixels that are not finite: a single one makes the rating wrong.
+fn check_finite((width, _): (u32, u32), pixels: &[Rgb]) -> Result<()> {
+    let is_bad = |(_, pixel): &(usize, &Rgb)| !pixel.is_finite();
+    let mut bad = pixels.iter().enumerate().filter(is_bad).map(|(index, _)| index);
+    let Some(first) = bad.next() else { return Ok(()) };
+    let (x, y) = (first % width as usize, first / width as usize);
+    let problem = match 1 + bad.count() {
+        1 => format!("the pixel ({x}, {y}) is not finite"),
+        count => format!("{count} pixels are not finite; the first is ({x}, {y})"),
+    };
+    Err(Error::new(problem, "render the image again, or replace these pixels"))
+}
+
+/// Projection and full angle of the image circle, degrees: those of the file if it states its camera.
+fn lens(args: &Args, metadata: &Metadata) -> Result<(FisheyeProjection, f64)> {
+    let requested = args.projection.map(FisheyeProjection::from);
+    let (projection, fov) = match RecordedCamera::read(metadata)? {
+        None => {
+            let projection = requested.unwrap_or(FisheyeProjection::Equidistant);
+            return Ok((projection, args.fov.unwrap_or(180.0)));
+        }
+        Some(RecordedCamera::Fisheye { projection, field_of_view }) => (projection, field_of_view),
+        Some(RecordedCamera::Other(name)) => {
+            let problem = format!("this is no fisheye image: its camera is of type \"{name}\"");
+            return Err(Error::new(problem, "render the scene with a camera of type \"fisheye\""));
+        }
+    };
+    let made_by = Provenance::from_metadata(metadata);
+    if made_by.is_ok_and(|made_by| made_by.settings.crop.is_some()) {
+        let problem = "this is only a window of a fisheye image";
+        return Err(Error::new(problem, "render the whole image, without --crop"));
+    }
+    if let Some(other) = requested.filter(|requested| *requested != projection) {
+        let (other, own) = (other.name(), projection.name());
+        let problem = format!("the image has the projection {own}, not {other}");
+        return Err(Error::new(problem, "leave out --projection"));
+    }
+    if let Some(other) = args.fov.filter(|requested| *requested as f32 != fov) {
+        let problem = format!("the image circle spans {fov} degrees, not {other}");
+        return Err(Error::new(problem, "leave out --fov"));
+    }
+    Ok((projection, fov.into()))
 }
 
 fn text(glare: &Glare) -> String {

@@ -100,7 +100,8 @@ pub fn run(args: &Args) -> Result<String> {
     }
     let mut writer = Writer::new(outputs, &[], &args.files);
     let sums = (&image, &*checkpoint.shared);
-    writer.save(&checkpoint.provenance, sums, (&image.mean(), None), &mut attempts);
+    let origin = (&checkpoint.provenance, None);
+    writer.save(origin, sums, (&image.mean(), None), &mut attempts);
     if let Some(path) = &args.noise {
         attempts.add(path, || {
             let block = bdpm::job::best_measured(&checkpoint.blocks).ok_or_else(|| {

@@ -18,8 +18,10 @@ use bdpm::output::denoise;
 use bdpm::output::denoise::Denoised;
 use bdpm::output::false_color::{ColorScale, FalseColorMap, ValueGrid};
 use bdpm::output::layers::{LayerName, LayerSelection};
+use bdpm::output::recorded_camera::record;
 use bdpm::render::accumulators::SharedStatistics;
 use bdpm::render::block::CombinedImage;
+use bdpm::scene::Camera;
 use bdpm::settings::Crop;
 use bdpm::settings::provenance::Provenance;
 use std::ops::Range;
@@ -212,13 +214,14 @@ impl Writer {
         attempts: &mut Attempts,
     ) {
         let sums = (image, state.renderer.shared());
-        state.threads().install(|| self.save(&state.provenance, sums, shown, attempts));
+        let origin = (&state.provenance, Some(state.camera()));
+        state.threads().install(|| self.save(origin, sums, shown, attempts));
     }
 
-    /// Writes an image and its preview.
+    /// Writes an image and its preview. A merged image has no known camera.
     pub fn save(
         &mut self,
-        provenance: &Provenance,
+        (provenance, camera): (&Provenance, Option<&Camera>),
         sums: (&CombinedImage, &SharedStatistics),
         (preview, denoised): (&[Rgb], Option<&Denoised>),
         attempts: &mut Attempts,
@@ -227,6 +230,9 @@ impl Writer {
         let combined = sums.0;
         let (width, height) = combined.resolution();
         let mut metadata = provenance.to_metadata();
+        if let Some(camera) = camera {
+            record(camera, &mut metadata);
+        }
         if let Some(error) = denoised.and_then(|denoised| denoised.error.as_ref()) {
             let error = &error.whole;
             for (name, value) in [

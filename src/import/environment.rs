@@ -4,7 +4,7 @@ use super::text::{open, read_bytes};
 use super::warnings::Warning;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
-use crate::image_io::read_exr;
+use crate::image_io::{Metadata, read_exr};
 use crate::scene::{Environment, Inset, InsetGrid};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -132,8 +132,27 @@ pub(super) fn soft(white: f32) -> Environment {
     Environment::new(1, SOFT_ROWS, (0..SOFT_ROWS).map(row).collect(), 0.0)
 }
 
+/// An image of radiances.
+pub struct RadianceImage {
+    /// Width and height, pixels.
+    pub size: (u32, u32),
+    /// Radiance, W/(m^2 sr), row by row from the top left.
+    pub pixels: Vec<Rgb>,
+    /// Metadata of this program; empty for `.hdr` files and files of other programs.
+    pub metadata: Metadata,
+}
+
 /// Pixels of an image of radiances.
-pub fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
+pub(super) fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
+    let RadianceImage { size: (width, height), pixels, .. } = read_radiance(path)?;
+    Ok((width, height, pixels))
+}
+
+/// Reads an `.exr` or `.hdr` file.
+///
+/// # Errors
+/// If the file cannot be read, or has no colors; names it.
+pub fn read_radiance(path: &Path) -> Result<RadianceImage> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     match &extension[..] {
         "exr" => {
@@ -142,9 +161,13 @@ pub fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
             let pixels = image.layer("").and_then(|layer| layer.to_rgb()).ok_or_else(|| {
                 Error::new("the image has no channels R, G and B", "give a color image").at(path)
             })?;
-            Ok((image.width, image.height, pixels))
+            let size = (image.width, image.height);
+            Ok(RadianceImage { size, pixels, metadata: image.metadata })
         }
-        "hdr" => read_hdr(path),
+        "hdr" => {
+            let (width, height, pixels) = read_hdr(path)?;
+            Ok(RadianceImage { size: (width, height), pixels, metadata: Metadata::new() })
+        }
         _ => {
             let problem = "the image is neither an .exr nor an .hdr file";
             Err(Error::new(problem, "convert it to one of these").at(path))

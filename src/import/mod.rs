@@ -35,7 +35,7 @@ mod texture_file;
 mod warnings;
 
 pub use camera_change::{CameraChange, LookAt};
-pub use environment::{EnvironmentSource, read as read_radiance};
+pub use environment::{EnvironmentSource, RadianceImage, read_radiance};
 pub use export::{Exported, export};
 pub use load::{LoadOptions, Loaded, NamedMesh, SCENE_EXTENSIONS, load, load_meshes, load_with};
 pub use luminaires::frame as luminaire_frame;

@@ -15,6 +15,7 @@ use crate::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH};
 use crate::noise::image::NoiseImage;
 use crate::output::denoise;
 use crate::output::layers::LayerSelection;
+use crate::output::recorded_camera::record;
 use crate::render::bias::MergeBias;
 use crate::render::block::Block;
 use serde::Serialize;
@@ -153,6 +154,7 @@ impl RenderResult {
         layers.extend(selection.layers(shared, &image, rows, &pixels));
         layers.extend(self.state.denoised().into_iter().flat_map(denoise::layers));
         let mut metadata = self.state.provenance.to_metadata();
+        record(self.state.camera(), &mut metadata);
         metadata.insert("iterations".into(), Value::Number(image.iterations() as f64));
         let (width, height) = self.resolution;
         let mut file = Image { width, height, layers, metadata };

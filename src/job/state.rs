@@ -14,7 +14,7 @@ use crate::output::denoise::{Denoised, ErrorSummary};
 use crate::render::block::{Block, CombinedImage};
 use crate::render::combined_image::DerivedStatistics;
 use crate::render::{IterationReport, Renderer};
-use crate::scene::Region;
+use crate::scene::{Camera, Region};
 use crate::settings::provenance::Provenance;
 use rayon::ThreadPool;
 use serde::{Deserialize, Serialize};
@@ -255,6 +255,11 @@ impl RenderState {
     /// Time since the start of the job, including the pilot.
     pub fn elapsed(&self) -> Duration {
         self.clock.start.elapsed()
+    }
+
+    /// The camera of the image.
+    pub fn camera(&self) -> &Camera {
+        &self.renderer.scene_and_accel().0.camera
     }
 
     /// The image so far: all blocks with their weights.

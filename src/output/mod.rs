@@ -19,3 +19,4 @@ pub mod merge;
 #[cfg(feature = "cli")]
 #[doc(hidden)] // public for the program
 pub mod page;
+pub mod recorded_camera;

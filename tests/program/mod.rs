@@ -2,6 +2,7 @@
 
 mod automatic;
 mod denoise;
+mod glare;
 mod goniometer;
 mod interrupts;
 mod limits;

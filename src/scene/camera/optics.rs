@@ -47,6 +47,18 @@ pub enum Optics {
 }
 
 impl Optics {
+    /// Name of the type of camera in scene files.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Pinhole(_) => "pinhole",
+            Self::ThinLens { .. } => "thin-lens",
+            Self::Sensor { .. } => "sensor",
+            Self::Orthographic(_) => "orthographic",
+            Self::Panorama => "panorama",
+            Self::Fisheye { .. } => "fisheye",
+        }
+    }
+
     /// Refuses impossible optics.
     pub(super) fn validate(&self) -> Result<()> {
         if let Self::Pinhole(field_of_view) | Self::ThinLens { field_of_view, .. } = self {

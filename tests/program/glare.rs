@@ -1,0 +1,86 @@
+//! `bdpm glare`.
+
+use crate::common::program_output::{assert_refused, json, succeed, text};
+use bdpm::base::math::Rgb;
+use bdpm::image_io::{Image, Layer, Metadata, read_exr, write_exr};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box");
+
+fn bdpm(arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bdpm"));
+    command.args(arguments).stdin(Stdio::null()).output().unwrap()
+}
+
+fn glare(image: &Path, more: &[&str]) -> Output {
+    bdpm(&[&["glare", image.to_str().unwrap(), "--json"], more].concat())
+}
+
+/// Renders a small image with the camera of a scene file that holds nothing else.
+fn rendered(folder: &Path, name: &str, camera: &str, more: &[&str]) -> PathBuf {
+    let (path, from) = (folder.join(name), folder.join("camera.toml"));
+    let position = "position = [278, 273, 100]\ntarget = [278, 273, 400]\n";
+    std::fs::write(&from, format!("[camera]\n{camera}\n{position}")).unwrap();
+    let (path_text, from) = (path.to_str().unwrap(), from.to_str().unwrap());
+    let few = ["--iterations", "2", "--light-paths", "1000", "--camera-paths", "1", "--quiet"];
+    let own = ["render", SCENE, "--accel", "bvh", "--resolution", "32x32"];
+    let files = ["--camera-from", from, "--output", path_text];
+    succeed(&bdpm(&[&own[..], &few, &files, more].concat()));
+    path
+}
+
+#[test]
+fn pixels_that_are_not_finite_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let write = |bad: &[(usize, f32)]| {
+        let mut pixels = vec![Rgb::ONE; 64];
+        bad.iter().for_each(|(index, value)| pixels[*index].y = *value);
+        let layers = vec![Layer::rgb("", &pixels)];
+        let image = Image { width: 8, height: 8, layers, metadata: Metadata::new() };
+        write_exr(&path, &image).unwrap();
+    };
+    write(&[]);
+    succeed(&glare(&path, &[]));
+    write(&[(19, f32::NAN)]);
+    assert_refused(&glare(&path, &[]), "a.exr: the pixel (3, 2) is not finite", "render");
+    write(&[(19, f32::INFINITY), (45, f32::NAN)]);
+    let problem = "a.exr: 2 pixels are not finite; the first is (3, 2)";
+    assert_refused(&glare(&path, &[]), problem, "render");
+}
+
+#[test]
+fn lens_is_that_of_the_file_and_contradictions_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = "type = \"fisheye\"\nprojection = \"equisolid\"\nfov_deg = 150";
+    let path = rendered(folder.path(), "fisheye.exr", camera, &[]);
+    let own = json(&glare(&path, &[]));
+    let given = ["--projection", "equisolid", "--fov", "150"];
+    let same = json(&glare(&path, &given));
+    assert_eq!(own, same);
+    let refused = glare(&path, &["--projection", "equidistant"]);
+    assert_refused(&refused, "the projection equisolid, not equidistant", "--projection");
+    let refused = glare(&path, &["--fov", "180"]);
+    assert_refused(&refused, "spans 150 degrees, not 180", "--fov");
+
+    // Files of other programs do not state their camera.
+    let mut image = read_exr(&path).unwrap();
+    image.metadata = Metadata::new();
+    write_exr(&path, &image).unwrap();
+    assert_eq!(json(&glare(&path, &given)), own);
+    let other = json(&glare(&path, &[]));
+    assert_ne!(other["vertical_illuminance"], own["vertical_illuminance"]);
+}
+
+#[test]
+fn images_of_other_cameras_and_windows_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = rendered(folder.path(), "a.exr", "type = \"pinhole\"\nfov_y_deg = 60", &[]);
+    let refused = glare(&path, &[]);
+    assert_refused(&refused, "no fisheye image: its camera is of type \"pinhole\"", "fisheye");
+    assert!(text(&refused.stderr).contains("a.exr"), "{}", text(&refused.stderr));
+    let camera = "type = \"fisheye\"\nprojection = \"equidistant\"\nfov_deg = 180";
+    let path = rendered(folder.path(), "b.exr", camera, &["--crop", "0,0,16,16"]);
+    assert_refused(&glare(&path, &[]), "only a window of a fisheye image", "--crop");
+}
