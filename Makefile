@@ -4,7 +4,7 @@ CARGO ?= cargo
 SCENE ?= cornell-box
 FLAGS = --locked
 
-.PHONY: setup denoiser mpi build demo test check check-long bench memcheck check-package check-python check-notebooks wheel check-report check-mitsuba blender check-blender
+.PHONY: setup denoiser mpi build demo test check check-long bench memcheck check-package check-python check-notebooks wheel check-report check-mitsuba check-sizes blender check-blender
 
 setup:
 	@scripts/setup.sh
@@ -56,6 +56,11 @@ check-long: setup
 # Small scenes beside the renders of Mitsuba, at length; skipped where Python or the wheel of Mitsuba is missing.
 check-mitsuba: build
 	scripts/mitsuba-check.sh --elements
+
+# All scenes at the sizes and times of users: exit codes, times and memory; an hour. Run it every night on a machine that
+# does nothing else. `make check-sizes SIZES='--times 5 cornell-box'` renders less.
+check-sizes: build
+	scripts/sizes.sh $(SIZES)
 
 # The Blender add-on, for `Preferences > Add-ons > Install` (docs/how-to/blender.md).
 blender:
