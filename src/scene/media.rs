@@ -226,6 +226,11 @@ impl Media {
         boundary.is_some_and(|number| self.boundaries[usize::from(number)].is_index_matched)
     }
 
+    /// Returns true if the surfaces of a placement bound a medium.
+    pub(super) fn bounds_medium(&self, placement: u32) -> bool {
+        self.boundary_of[placement as usize].is_some()
+    }
+
     /// Returns true if paths go straight through any surface.
     fn has_index_matched(&self) -> bool {
         self.boundaries.iter().any(|boundary| boundary.is_index_matched)

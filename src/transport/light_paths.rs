@@ -294,7 +294,9 @@ impl Tracer {
             }
             if pass.scene.media().is_some() {
                 for lane in 0..count {
-                    let around = pass.scene.media_at_emitter(emissions.emitter[lane]);
+                    let origin = emissions.origin.get(lane);
+                    let emitter = emissions.emitter[lane];
+                    let around = pass.scene.media_at_emitter(pass.accel, emitter, origin);
                     states.history[lane] = History::default().within(around);
                 }
             }

@@ -1,10 +1,11 @@
 //! The kinds of light sources: their power, the light paths that they emit, and connections to them.
 
+use super::cluster::Cluster;
 use super::luminaire::{OpeningEmitter, PointLuminaire};
 use super::solid_angle::SphericalTriangle;
 use super::{Emission, LightSample, below_one};
 use crate::base::math::{
-    Rgb, cosine_hemisphere, cosine_hemisphere_inverse, luminance, sin_cos_turns, turns,
+    Bounds, Rgb, cosine_hemisphere, cosine_hemisphere_inverse, luminance, sin_cos_turns, turns,
     uniform_disc, uniform_disc_inverse, uniform_sphere, uniform_sphere_inverse, uniform_triangle,
     uniform_triangle_inverse,
 };
@@ -261,6 +262,11 @@ impl Emitter {
             Self::Luminaire(lamp) => lamp.aimed.power(),
             Self::Opening(lamp) => lamp.opening.aimed().power(),
         }
+    }
+
+    /// A box around the points from which light starts; `None` for parallel light.
+    pub(crate) fn bounds(&self) -> Option<Bounds> {
+        Cluster::of(self).map(|cluster| cluster.bounds)
     }
 
     /// A point from which light starts, off the surface; `None` for parallel light.

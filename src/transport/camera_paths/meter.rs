@@ -23,7 +23,8 @@ impl CameraPaths {
         states.set(lane, &ray, &state);
         if let Some(light) = light {
             let contribution = light.irradiance * light.wi.dot(meter.normal).max(0.0);
-            let media = pass.scene.media_at_eye(&pass.view, x, y);
+            let origin = meter.position;
+            let media = pass.scene.media_at_eye(pass.accel, &pass.view, [x, y], origin);
             let path = Connections::path_in(state.path, media) | Connections::METER;
             self.queue_shadow_ray(path, contribution, light.target, meter.position);
         }

@@ -254,7 +254,8 @@ impl CameraPaths {
             }
             if pass.scene.media().is_some() {
                 for lane in 0..count {
-                    let around = pass.scene.media_at_eye(&pass.view, x[lane], y[lane]);
+                    let (at, origin) = ([x[lane], y[lane]], states.origin.get(lane));
+                    let around = pass.scene.media_at_eye(pass.accel, &pass.view, at, origin);
                     states.history[lane] = History::default().within(around);
                 }
             }
