@@ -85,12 +85,18 @@ fn main() {
     }
     generate(&install);
 
+    let lib = install.lib.display();
+    println!("cargo::rerun-if-changed={lib}");
+    if env::var_os("CARGO_FEATURE_LINK").is_none() {
+        if !install.is_default {
+            link_beside_programs(&install.lib);
+        }
+        return;
+    }
     println!("cargo::rustc-link-lib=dylib=embree4");
     if install.is_default {
         return;
     }
-    let lib = install.lib.display();
-    println!("cargo::rerun-if-changed={lib}");
     println!("cargo::rustc-link-search=native={lib}");
     for arg in ["-Xlinker", "-rpath", "-Xlinker", &lib.to_string()] {
         println!("cargo::rustc-link-arg={arg}"); // this package's own tests
@@ -140,11 +146,80 @@ fn generate(install: &Install) {
         .generate();
     let out = PathBuf::from(env::var_os("OUT_DIR").unwrap()).join("bindings.rs");
     match bindings {
-        Ok(bindings) => bindings.write_to_file(out).expect("OUT_DIR is writable"),
+        Ok(bindings) => {
+            let mut text = bindings.to_string();
+            if env::var_os("CARGO_FEATURE_LINK").is_none() {
+                text = load_at_run_time(&text);
+            }
+            fs::write(out, text).expect("OUT_DIR is writable");
+        }
         Err(error) => println!(
             "cargo::error=bindgen cannot read {}: {error}",
             install.include.join("embree4/rtcore.h").display()
         ),
+    }
+}
+
+/// Replaces the declarations of foreign functions by a table that is filled when the library is loaded, and by functions
+/// of the same names that call it.
+fn load_at_run_time(bindings: &str) -> String {
+    let mut file = syn::parse_file(bindings).expect("bindgen writes Rust");
+    let mut functions = Vec::new();
+    file.items.retain_mut(|item| {
+        let syn::Item::ForeignMod(foreign) = item else { return true };
+        for item in &foreign.items {
+            match item {
+                syn::ForeignItem::Fn(function) => functions.push(function.sig.clone()),
+                _ => panic!("Embree has functions only"),
+            }
+        }
+        false
+    });
+    let (mut fields, mut loads, mut calls) = (Vec::new(), Vec::new(), Vec::new());
+    for signature in &functions {
+        let syn::Signature { ident: name, inputs, output, .. } = signature;
+        let arguments: Vec<_> = inputs
+            .iter()
+            .map(|input| match input {
+                syn::FnArg::Typed(typed) => &typed.pat,
+                syn::FnArg::Receiver(_) => panic!("functions of C have no receiver"),
+            })
+            .collect();
+        let symbol = format!("{name}\0");
+        fields.push(quote::quote! { pub #name: unsafe extern "C" fn(#inputs) #output });
+        loads.push(quote::quote! { #name: unsafe { *library.get(#symbol.as_bytes())? } });
+        calls.push(quote::quote! {
+            #[inline]
+            pub unsafe fn #name(#inputs) #output {
+                unsafe { (crate::library::functions().#name)(#(#arguments),*) }
+            }
+        });
+    }
+    let table = quote::quote! {
+        pub struct Functions {
+            #(#fields,)*
+            _library: ::libloading::Library,
+        }
+        impl Functions {
+            pub unsafe fn of(
+                library: ::libloading::Library,
+            ) -> ::std::result::Result<Self, ::libloading::Error> {
+                Ok(Self { #(#loads,)* _library: library })
+            }
+        }
+        #(#calls)*
+    };
+    let types = quote::ToTokens::to_token_stream(&file);
+    format!("{types}\n{table}")
+}
+
+/// Links to the libraries in Cargo's folder of programs, where the loader looks first. A program of any package that
+/// depends on this one is built there.
+fn link_beside_programs(lib: &Path) {
+    let out = PathBuf::from(env::var_os("OUT_DIR").unwrap());
+    // target/PROFILE/build/PACKAGE-HASH/out
+    if let Some(profile) = out.ancestors().nth(3) {
+        link_libraries(lib, profile);
     }
 }
 
@@ -153,17 +228,21 @@ fn generate(install: &Install) {
 fn link_for_doc_tests(lib: &Path) {
     let folder = PathBuf::from(env::var_os("OUT_DIR").unwrap()).join("lib");
     let _ = fs::remove_dir_all(&folder);
-    #[cfg(unix)]
-    {
-        fs::create_dir_all(&folder).expect("OUT_DIR is writable");
-        for entry in fs::read_dir(lib).into_iter().flatten().flatten() {
-            let name = entry.file_name();
-            let text = name.to_string_lossy();
-            if text.starts_with("libembree4") || text.starts_with("libtbb") {
-                std::os::unix::fs::symlink(entry.path(), folder.join(&name))
-                    .expect("OUT_DIR is writable");
-            }
+    fs::create_dir_all(&folder).expect("OUT_DIR is writable");
+    link_libraries(lib, &folder);
+    println!("cargo::rustc-link-search=native={}", folder.display());
+}
+
+/// Makes links in `folder` to the libraries of Embree in `lib`.
+fn link_libraries(lib: &Path, folder: &Path) {
+    for entry in fs::read_dir(lib).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let text = name.to_string_lossy();
+        if text.starts_with("libembree4") || text.starts_with("libtbb") {
+            let link = folder.join(&name);
+            let _ = fs::remove_file(&link);
+            #[cfg(unix)]
+            std::os::unix::fs::symlink(entry.path(), link).expect("the folder is writable");
         }
-        println!("cargo::rustc-link-search=native={}", folder.display());
     }
 }

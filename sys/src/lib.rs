@@ -3,5 +3,13 @@
 
 #[cfg(not(docs_without_embree))]
 mod bindings;
+#[cfg(all(not(docs_without_embree), not(feature = "link")))]
+mod library;
+#[cfg(all(not(docs_without_embree), feature = "link"))]
+#[path = "linked.rs"]
+mod library;
+
 #[cfg(not(docs_without_embree))]
 pub use bindings::*;
+#[cfg(not(docs_without_embree))]
+pub use library::{LoadError, load};

@@ -30,6 +30,7 @@ mod mis;
 mod normal_maps;
 mod reference;
 mod scenes;
+mod start_media;
 mod textured_light;
 mod thin_layers;
 mod textures;

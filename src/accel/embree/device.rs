@@ -107,6 +107,7 @@ impl Device {
     /// # Errors
     /// As [`Device::new`], and if the processor lacks the instructions that are asked for.
     pub fn with_config(config: DeviceConfig) -> Result<Self, EmbreeError> {
+        sys::load().map_err(|error| EmbreeError::Load { problem: error.to_string() })?;
         let text = config.text();
         // SAFETY: null asks for this thread's error without a device; reading clears a stale one.
         unsafe { sys::rtcGetDeviceError(std::ptr::null_mut()) };

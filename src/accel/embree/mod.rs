@@ -125,6 +125,14 @@ pub enum EmbreeError {
     /// There are more meshes and instances of shared ones than 32 bits can number.
     #[error("a scene cannot number more than {} meshes", u32::MAX)]
     TooManyMeshes,
+    /// The library is not installed where it is looked for, or cannot be loaded.
+    #[error(
+        "Embree 4 cannot be loaded: {problem}; install it, or set EMBREE_DIR to the folder whose lib folder has it"
+    )]
+    Load {
+        /// The report of the system.
+        problem: String,
+    },
     /// The library that was loaded does not fit the header that this program was built with.
     #[error(
         "the Embree library is version {library}, but this program was built with the header of \
