@@ -11,7 +11,7 @@ use super::instances;
 use super::mitsuba;
 use super::obj::{self, ObjFile};
 use super::pbrt;
-use super::ply::{self, VDirection};
+use super::ply::{self, PlyUse, VDirection};
 use super::scene_file::light::TableLight;
 use super::scene_file::medium;
 use super::scene_file::texture::TomlTextures;
@@ -221,7 +221,8 @@ fn build_toml(
         if is_new {
             let read = match kind {
                 MeshFileKind::Ply => {
-                    ObjFile::of(ply::read(&mesh_path, VDirection::Up)?, &mesh_path)
+                    let wanted = PlyUse { v_direction: VDirection::Up, has_colors: true };
+                    ObjFile::of(ply::read(&mesh_path, wanted)?, &mesh_path)
                 }
                 MeshFileKind::Obj => obj::load(&mesh_path)?,
             };

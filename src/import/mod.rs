@@ -12,6 +12,7 @@ mod environment;
 mod export;
 mod fallback;
 mod gltf;
+mod growth;
 mod instances;
 mod instancing;
 mod lines;

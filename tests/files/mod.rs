@@ -20,6 +20,7 @@ mod memory;
 mod mitsuba;
 mod obj;
 mod pbrt;
+mod ply;
 mod shapes;
 mod sky;
 mod tolerant;

@@ -13,7 +13,8 @@ use crate::base::math::Rgb;
 use crate::import::curves::{CurveBasis, add_tube, remove_empty};
 use crate::import::instancing::MaterialMesh;
 use crate::import::paint::Paint;
-use crate::import::ply;
+use crate::import::ply::{self, PlyUse, VDirection};
+use crate::import::warnings::Warning;
 use crate::scene::transform::Transform;
 use crate::scene::{Material, MediumBoundary, Mesh, NormalMap};
 use glam::{Affine2, DAffine3, DMat3, DVec3, DVec4, Vec2, Vec3};
@@ -153,7 +154,8 @@ impl SceneReader<'_> {
         {
             return Ok(known.clone());
         }
-        let (mut meshes, has_normals) = read(object, &key, &mut self.obj_files)?;
+        let (mut meshes, has_normals) =
+            read(object, &key, &mut self.obj_files, &mut self.builder.warnings)?;
         for mesh in &mut meshes {
             if key.is_flat {
                 mesh.normals.clear();
@@ -264,7 +266,12 @@ struct Surface<'a> {
 }
 
 /// Reads meshes, with smooth normals if they have none, and whether the file has normals.
-fn read(object: &Object, key: &MeshKey, obj_files: &mut ObjFiles) -> Result<(Vec<Mesh>, bool)> {
+fn read(
+    object: &Object,
+    key: &MeshKey,
+    obj_files: &mut ObjFiles,
+    warnings: &mut Vec<Warning>,
+) -> Result<(Vec<Mesh>, bool)> {
     let (path, index) = match &key.source {
         ShapeSource::Formula { shape, is_lamp } => return Ok((vec![shape.mesh(*is_lamp)], true)),
         ShapeSource::File(path, index) => (path, *index),
@@ -279,7 +286,12 @@ fn read(object: &Object, key: &MeshKey, obj_files: &mut ObjFiles) -> Result<(Vec
             let file = obj_files.take(path)?;
             meshes.extend(file.meshes.into_iter().map(|part| Arc::unwrap_or_clone(part.mesh)));
         }
-        "ply" => meshes.push(ply::read(path, ply::VDirection::Down)?),
+        "ply" => {
+            let wanted = PlyUse { v_direction: VDirection::Down, has_colors: false };
+            let file = ply::read(path, wanted)?;
+            warnings.extend(file.warnings);
+            meshes.push(file.mesh);
+        }
         _ => {
             let shape = serialized::read(path, index)?;
             is_flat |= shape.is_flat;

@@ -8,8 +8,9 @@
 
 mod libraries;
 mod normalize;
-mod polygon;
+pub(super) mod polygon;
 
+use super::ply::PlyFile;
 use super::text::{list, read_lines};
 use super::warnings::Warning;
 use crate::base::error::{Error, Result};
@@ -49,11 +50,11 @@ pub(super) struct ObjFile {
 
 impl ObjFile {
     /// Wraps the only mesh of a file that names no materials.
-    pub(super) fn of(mesh: Mesh, path: &Path) -> Self {
+    pub(super) fn of(file: PlyFile, path: &Path) -> Self {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let mesh = Arc::new(Mesh { name, ..mesh });
+        let mesh = Arc::new(Mesh { name, ..file.mesh });
         let meshes = vec![ObjMesh { mesh, material: None }];
-        Self { meshes, materials: BTreeMap::new(), notes: Vec::new() }
+        Self { meshes, materials: BTreeMap::new(), notes: file.warnings }
     }
 
     /// Wraps a mesh in memory, which names no materials.

@@ -355,6 +355,7 @@ impl SceneReader<'_> {
         };
         let Self { mut builder, textures, film, media, camera_medium, .. } = self;
         builder.warnings.extend(textures.warnings.into_warnings(&path.display().to_string()));
+        builder.warnings.extend(textures.file_warnings);
         builder.arrange(path)?;
         let camera = match camera {
             Some(camera) => camera,

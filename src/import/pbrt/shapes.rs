@@ -8,7 +8,7 @@ use super::textures::Textures;
 use crate::base::error::Result;
 use crate::import::curves::{self, CurveBasis};
 use crate::import::mitsuba::analytic::{area, grid};
-use crate::import::ply::{self, VDirection};
+use crate::import::ply::{self, PlyUse, VDirection};
 use crate::scene::Mesh;
 use glam::{DVec4, Vec2, Vec3};
 use std::f32::consts::TAU;
@@ -48,8 +48,9 @@ pub(super) fn mesh(
                     textures.warnings.skipped("left out the displacement of", name);
                 }
             }
-            let mut mesh = ply::read(&path, VDirection::Up)?;
-            mesh.colors.clear();
+            let wanted = PlyUse { v_direction: VDirection::Up, has_colors: false };
+            let ply::PlyFile { mut mesh, warnings } = ply::read(&path, wanted)?;
+            textures.file_warnings.extend(warnings);
             mesh.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             mesh
         }

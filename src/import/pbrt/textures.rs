@@ -11,7 +11,7 @@ use crate::import::mitsuba::color::ColorUse;
 use crate::import::paint::{Paint, picture, picture_of};
 use crate::import::text::{RELATIVE_NAME, find};
 use crate::import::texture_file::linear_color;
-use crate::import::warnings::GroupedWarnings;
+use crate::import::warnings::{GroupedWarnings, Warning};
 use crate::scene::{Sampling, Texture, Wrap};
 use glam::{Affine2, Mat2, Vec2};
 use std::collections::HashMap;
@@ -36,6 +36,8 @@ pub(super) struct Textures {
     /// By file and encoding: the factor of the picture, and the picture.
     read: HashMap<(PathBuf, String), (Rgb, Texture)>,
     pub warnings: GroupedWarnings,
+    /// Warnings about other files.
+    pub file_warnings: Vec<Warning>,
 }
 
 impl Textures {
@@ -46,6 +48,7 @@ impl Textures {
             colors: HashMap::new(),
             read: HashMap::new(),
             warnings: GroupedWarnings::default(),
+            file_warnings: Vec::new(),
         }
     }
 
