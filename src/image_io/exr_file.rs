@@ -3,6 +3,7 @@
 use super::exr_blocks;
 use super::exr_format::{DisplayWindow, ExrFormat};
 use super::exr_header::SortedHeader;
+use super::exr_windows::ExrWindows;
 use super::{Image, Layer, Metadata, Value};
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
@@ -122,11 +123,27 @@ pub fn write_exr_rows(
     })
 }
 
-/// Reads the first part of any EXR file, and those of its attributes that [`write_exr`] wrote.
+/// Reads the first part of any EXR file, and those of its attributes that [`write_exr`] wrote. The
+/// image is the data window: pixels that the file holds.
 ///
 /// # Errors
 /// If the file cannot be read, or is no EXR file with flat channels; names it.
 pub fn read_exr(path: &Path) -> Result<Image> {
+    read_windows(path).map(|(image, _)| image)
+}
+
+/// Reads as [`read_exr`], but the image is the display window. Pixels that the file does not hold
+/// are 0.
+///
+/// # Errors
+/// As [`read_exr`], or if memory does not suffice for the display window.
+pub fn read_exr_display(path: &Path) -> Result<Image> {
+    let (image, windows) = read_windows(path)?;
+    windows.displayed(image).map_err(|error| error.at(path))
+}
+
+/// Reads the data window, and how it lies in the display window.
+fn read_windows(path: &Path) -> Result<(Image, ExrWindows)> {
     let file = input::open(path)?;
     check_magic(&file).map_err(|e| Error::io("read", path, e))?.map_err(|e| e.at(path))?;
     let broken = |e: exr::error::Error| match e {
@@ -190,7 +207,13 @@ pub fn read_exr(path: &Path) -> Result<Image> {
         })
     };
     let (width, height) = (side(part.size.0)?, side(part.size.1)?);
-    Ok(Image { width, height, layers, metadata })
+    let display = image.attributes.display_window;
+    let (Vec2(x, y), Vec2(left, top)) = (part.attributes.layer_position, display.position);
+    let windows = ExrWindows {
+        origin: [i64::from(x) - i64::from(left), i64::from(y) - i64::from(top)],
+        size: [side(display.size.0)?, side(display.size.1)?],
+    };
+    Ok((Image { width, height, layers, metadata }, windows))
 }
 
 /// Refuses files that are no EXR files; rewinds the others.

@@ -9,6 +9,7 @@ mod exr_blocks;
 mod exr_file;
 mod exr_format;
 mod exr_header;
+mod exr_windows;
 mod png_file;
 mod scale;
 mod tone;
@@ -16,7 +17,7 @@ mod tone_curves;
 
 #[cfg(feature = "cli")]
 pub use canvas::Canvas;
-pub use exr_file::{read_exr, write_exr, write_exr_as, write_exr_rows};
+pub use exr_file::{read_exr, read_exr_display, write_exr, write_exr_as, write_exr_rows};
 pub use exr_format::{DisplayWindow, ExrCompression, ExrFormat};
 pub use png_file::{encode_png, is_ours, write_png, write_png_as, write_png_bytes};
 pub use scale::{digits, number, quantile, tick_step};

@@ -15,10 +15,11 @@ use crate::base::math::Bounds;
 use crate::base::memory::available_memory;
 use crate::scene::transform::Transform;
 use crate::scene::{
-    Arrangement, Camera, Emitter, Environment, Material, Medium, MediumBoundary, MeterSet,
+    Arrangement, Camera, Emitter, Environment, Material, Medium, MediumBoundary, Mesh, MeterSet,
     Placement, Region, Scene,
 };
 use crate::settings::PartialSettings;
+use glam::{Affine2, Vec2};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -43,6 +44,9 @@ pub(super) struct Builder {
     unnamed: bool,
     /// Names of textured materials on meshes without texture coordinates.
     untextured: BTreeSet<String>,
+    /// Meshes whose texture coordinates a material maps, by the address of the original, which stays
+    /// alive beside its copy, and the bits of the map.
+    mapped: HashMap<(*const Mesh, [u32; 6]), (Arc<Mesh>, Arc<Mesh>)>,
     triangles: u64,
     pub warnings: Vec<Warning>,
 }
@@ -86,7 +90,8 @@ impl Builder {
         let file = own.is_none().then(|| path.to_owned());
         *self.material_index.entry((file, name.to_owned())).or_insert_with(|| {
             let material = match (own, obj.materials.get(name)) {
-                (Some(material), _) | (None, Some(material)) => material.clone(),
+                (Some(material), _) => material.clone(),
+                (None, Some(library)) => library.material.clone(),
                 (None, None) => {
                     if is_named {
                         self.undefined.insert(name.to_owned());
@@ -100,6 +105,32 @@ impl Builder {
         })
     }
 
+    /// The mesh with the texture coordinates of the pictures of its material.
+    fn mapped(
+        &mut self,
+        mesh: &Arc<Mesh>,
+        name: Option<&str>,
+        own: &BTreeMap<String, Material>,
+        obj: &ObjFile,
+    ) -> Arc<Mesh> {
+        let library = name.filter(|name| !own.contains_key(*name));
+        let to_uv = library.and_then(|name| obj.materials.get(name)).map(|own| own.to_uv);
+        let Some(to_uv) = to_uv.filter(|map| *map != Affine2::IDENTITY) else {
+            return Arc::clone(mesh);
+        };
+        // All placements of a mesh share one copy.
+        let key = (Arc::as_ptr(mesh), to_uv.to_cols_array().map(f32::to_bits));
+        let (_, copy) = self.mapped.entry(key).or_insert_with(|| {
+            let mut copy = Mesh::clone(mesh);
+            for uv in &mut copy.uvs {
+                let mapped = to_uv.transform_point2(*uv);
+                *uv = if mapped.is_finite() { mapped } else { Vec2::ZERO };
+            }
+            (Arc::clone(mesh), Arc::new(copy))
+        });
+        Arc::clone(copy)
+    }
+
     /// Adds an OBJ file's meshes; `None` if a point moves out of range.
     pub fn add(
         &mut self,
@@ -110,8 +141,9 @@ impl Builder {
         own: &BTreeMap<String, Material>,
     ) -> Option<()> {
         let part = |ObjMesh { mesh, material: named }: &ObjMesh| {
-            let material = self.material(material.or(named.as_deref()), own, path, obj);
-            MaterialMesh { mesh: mesh.clone(), material }
+            let name = material.or(named.as_deref());
+            let mesh = self.mapped(mesh, name, own, obj);
+            MaterialMesh { mesh, material: self.material(name, own, path, obj) }
         };
         let parts: Vec<MaterialMesh> = obj.meshes.iter().map(part).collect();
         self.place(None, &parts, transform)?;

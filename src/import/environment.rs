@@ -4,7 +4,7 @@ use super::text::{open, read_bytes};
 use super::warnings::Warning;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
-use crate::image_io::read_exr;
+use crate::image_io::read_exr_display;
 use crate::scene::{Environment, Inset, InsetGrid};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -138,7 +138,7 @@ pub fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
     match &extension[..] {
         "exr" => {
             open(path)?; // refuses devices that never end
-            let image = read_exr(path)?;
+            let image = read_exr_display(path)?;
             let pixels = image.layer("").and_then(|layer| layer.to_rgb()).ok_or_else(|| {
                 Error::new("the image has no channels R, G and B", "give a color image").at(path)
             })?;

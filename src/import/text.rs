@@ -4,8 +4,9 @@ use crate::base::error::{Error, Result};
 use crate::base::memory::{GIB, available_memory};
 use std::borrow::Cow;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+pub(super) use super::file_names::find;
 pub(super) use crate::base::input::open;
 
 /// Largest accepted scene file, bytes. Geometry belongs in OBJ files, which have no limit.
@@ -88,29 +89,6 @@ pub(super) fn decoded(bytes: &[u8]) -> Cow<'_, str> {
         Ok(text) => Cow::Borrowed(text),
         Err(_) => Cow::Owned(bytes.iter().map(|byte| char::from(*byte)).collect()),
     }
-}
-
-/// Finds the file of a [`decoded`] name. The name may have the separators of another system, or
-/// come from bytes that are not UTF-8.
-pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
-    let names = [name.to_owned(), name.replace('\\', "/")];
-    let as_text = names.iter().map(PathBuf::from);
-    let as_bytes = names.iter().filter_map(|name| latin1_path(name));
-    as_text.chain(as_bytes).map(|name| folder.join(name)).find(|path| path.exists())
-}
-
-/// The name as bytes of Latin-1, if they differ from its UTF-8.
-#[cfg(unix)]
-fn latin1_path(name: &str) -> Option<PathBuf> {
-    use std::os::unix::ffi::OsStringExt;
-    let bytes: Option<Vec<u8>> = name.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect();
-    let bytes = bytes.filter(|bytes| !bytes.is_ascii())?;
-    Some(std::ffi::OsString::from_vec(bytes).into())
-}
-
-#[cfg(not(unix))]
-fn latin1_path(_: &str) -> Option<PathBuf> {
-    None
 }
 
 /// The first word and what follows it, without white space around either.

@@ -227,3 +227,38 @@ fn render_command_adds_light_or_reports_black_images() {
     assert_eq!(converted["fingerprints"][0], converted["fingerprints"][1]);
     assert_eq!(converted["fingerprints"][0], all[0]);
 }
+
+/// A map of 8 by 4 pixels with two lit ones at (5, 1), of which a file holds a part, or more.
+#[test]
+fn environment_maps_are_display_windows() {
+    use exr::prelude::*;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let bright = |x: i64, y: i64| if (5..7).contains(&x) && y == 1 { 1.0 } else { 0.0 };
+    for (position, size) in [([0, 0], [8, 4]), ([4, 1], [3, 2]), ([-2, -1], [12, 6])] {
+        let pixel = |at: Vec2<usize>| {
+            let [x, y] = [at.0 as i64 + position[0], at.1 as i64 + position[1]];
+            // Outside of the display window.
+            let hidden = if (0..8).contains(&x) && (0..4).contains(&y) { 0.0 } else { 9.0 };
+            let value = bright(x, y) as f32 + hidden;
+            (value, value, value)
+        };
+        let attributes = LayerAttributes {
+            layer_position: Vec2(position[0] as i32, position[1] as i32),
+            ..LayerAttributes::default()
+        };
+        let layer = Layer::new(
+            (size[0], size[1]),
+            attributes,
+            Encoding::UNCOMPRESSED,
+            SpecificChannels::rgb(pixel),
+        );
+        let mut image = Image::from_layer(layer);
+        image.attributes.display_window = IntegerBounds::from_dimensions((8, 4));
+        image.write().to_file(&path).unwrap();
+        let (width, height, pixels) = bdpm::import::read_radiance(&path).unwrap();
+        assert_eq!((width, height), (8, 4));
+        let lit: Vec<usize> = (0..32).filter(|i| pixels[*i] != glam::Vec3::ZERO).collect();
+        assert_eq!(lit, [13, 14], "{position:?}");
+    }
+}

@@ -18,6 +18,7 @@ mod luminaires;
 mod media;
 mod memory;
 mod mitsuba;
+mod mtl;
 mod obj;
 mod pbrt;
 mod ply;

@@ -3,7 +3,7 @@
 use super::json::{GltfDocument, get};
 use super::{EXPORT_AGAIN, malformed};
 use crate::base::error::{Error, Result};
-use crate::import::text::read_bytes;
+use crate::import::text::{find, read_bytes};
 use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
@@ -114,8 +114,7 @@ fn file_of(uri: &str, folder: &Path, element: &str) -> Result<PathBuf> {
     }
     // In the standard percent signs are escapes, but not all exporters comply.
     let names = [percent_decoded(uri), Some(uri.to_owned())];
-    let paths = names.into_iter().flatten().map(|name| folder.join(name));
-    paths.into_iter().find(|path| path.exists()).ok_or_else(|| {
+    names.into_iter().flatten().find_map(|name| find(folder, &name)).ok_or_else(|| {
         let advice = format!("put the file into the folder of the scene, or {EXPORT_AGAIN}");
         Error::new(format!("{element}: there is no file `{shown}`"), advice)
     })

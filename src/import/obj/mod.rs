@@ -10,11 +10,12 @@ mod libraries;
 mod normalize;
 pub(super) mod polygon;
 
+use super::mtl::LibraryMaterial;
 use super::ply::PlyFile;
 use super::text::{list, read_lines};
 use super::warnings::Warning;
 use crate::base::error::{Error, Result};
-use crate::scene::{Material, Mesh};
+use crate::scene::Mesh;
 use glam::{Vec2, Vec3};
 use normalize::{Normalized, Part, normalize};
 use polygon::Cutter;
@@ -43,7 +44,7 @@ pub(super) struct ObjFile {
     /// Nonempty meshes, in the order in which they begin in the file.
     pub meshes: Vec<ObjMesh>,
     /// Materials by name.
-    pub materials: BTreeMap<String, Material>,
+    pub materials: BTreeMap<String, LibraryMaterial>,
     /// Warnings about ignored content.
     pub notes: Vec<Warning>,
 }

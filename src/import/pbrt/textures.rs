@@ -6,6 +6,7 @@ use super::spectra::{self, ColorSpace};
 use crate::base::error::Result;
 use crate::base::math::Rgb;
 use crate::import::environment;
+use crate::import::file_names::is_guess;
 use crate::import::load::extension;
 use crate::import::mitsuba::color::ColorUse;
 use crate::import::paint::{Paint, picture, picture_of};
@@ -179,9 +180,13 @@ impl Textures {
     }
 
     /// The picture in a file, relative to the scene.
-    pub fn find(&self, params: &Params, name: &str) -> Result<PathBuf> {
-        find(&self.folder, name)
-            .ok_or_else(|| params.error(format!("there is no file `{name}`"), RELATIVE_NAME))
+    pub fn find(&mut self, params: &Params, name: &str) -> Result<PathBuf> {
+        let path = find(&self.folder, name)
+            .ok_or_else(|| params.error(format!("there is no file `{name}`"), RELATIVE_NAME))?;
+        if is_guess(&self.folder, name, &path) {
+            self.warnings.chosen("found under other names the files", name);
+        }
+        Ok(path)
     }
 
     /// An emission texture: a picture as colors.
@@ -192,7 +197,7 @@ impl Textures {
     }
 
     /// A picture of numbers instead of colors, as it is stored.
-    pub fn data(&self, params: &Params, name: &str) -> Result<Arc<Texture>> {
+    pub fn data(&mut self, params: &Params, name: &str) -> Result<Arc<Texture>> {
         Ok(Arc::new(Texture::load(&self.find(params, name)?)?))
     }
 

@@ -6,8 +6,8 @@
 
 use crate::base::error::{Error, Result};
 use crate::import::growth::Growth;
+use crate::import::gzip;
 use crate::import::text;
-use flate2::bufread::MultiGzDecoder;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{DefaultElement, Encoding, Header, ScalarType};
 use std::io::{self, BufRead, BufReader, ErrorKind, Read};
@@ -18,28 +18,6 @@ const EXPORT_AGAIN: &str = "export the mesh again";
 
 /// Maximum length of a header, bytes.
 const MAX_HEADER: usize = 1 << 20;
-
-/// A compressed file may always have as many bytes of content.
-const MIN_CONTENT: u64 = 1 << 28;
-
-/// Maximum bytes of content per byte of a compressed file. Meshes of equal numbers reach about 30.
-const MAX_RATIO: u64 = 100;
-
-/// Content of a compressed file, which a small file could make endless.
-struct Bounded<R> {
-    decoder: R,
-    left: u64,
-}
-
-impl<R: Read> Read for Bounded<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let count = self.decoder.read(buffer)?;
-        self.left = self.left.checked_sub(count as u64).ok_or_else(|| {
-            io::Error::other(format!("it holds over {MAX_RATIO} times the bytes of the file"))
-        })?;
-        Ok(count)
-    }
-}
 
 /// Reads the numbers of a PLY file one after another.
 pub(super) struct Content<'a> {
@@ -63,9 +41,8 @@ impl<'a> Content<'a> {
         let mut file = BufReader::new(text::open(path)?);
         let length = file.get_ref().metadata().map_or(0, |metadata| metadata.len());
         let start = file.fill_buf().map_err(|e| Error::io("read the file", path, e))?;
-        let input: Box<dyn Read> = if start.starts_with(&[0x1f, 0x8b]) {
-            let left = MIN_CONTENT.max(length.saturating_mul(MAX_RATIO));
-            Box::new(Bounded { decoder: MultiGzDecoder::new(file), left })
+        let input: Box<dyn Read> = if start.starts_with(&gzip::MAGIC) {
+            Box::new(gzip::decoder(file, length))
         } else {
             Box::new(file)
         };
