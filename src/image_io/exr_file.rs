@@ -4,7 +4,7 @@ use super::exr_blocks;
 use super::exr_format::{DisplayWindow, ExrFormat};
 use super::exr_header::SortedHeader;
 use super::exr_windows::ExrWindows;
-use super::{Image, Layer, Metadata, Value};
+use super::{Image, Layer, Metadata, Primaries, Value, converted};
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
 use crate::base::input;
@@ -132,14 +132,25 @@ pub fn read_exr(path: &Path) -> Result<Image> {
     read_windows(path).map(|(image, _)| image)
 }
 
-/// Reads as [`read_exr`], but the image is the display window. Pixels that the file does not hold
-/// are 0.
+/// Reads as [`read_exr`], but the image is the display window, in the primaries of Rec. 709. Pixels
+/// that the file does not hold are 0.
 ///
 /// # Errors
 /// As [`read_exr`], or if memory does not suffice for the display window.
 pub fn read_exr_display(path: &Path) -> Result<Image> {
     let (image, windows) = read_windows(path)?;
-    windows.displayed(image).map_err(|error| error.at(path))
+    let primaries = windows.primaries;
+    let mut image = windows.displayed(image).map_err(|error| error.at(path))?;
+    if let Some(map) = primaries.and_then(Primaries::to_rec_709)
+        && let Some(layer) = image.layers.iter_mut().find(|layer| layer.name.is_empty())
+        && let Some(colors) = layer.to_rgb()
+    {
+        let colors: Vec<_> = colors.into_iter().map(|color| converted(map, color)).collect();
+        let Layer { channels: own, .. } = Layer::rgb("", &colors);
+        layer.channels.retain(|(name, _)| !matches!(&name[..], "R" | "G" | "B"));
+        layer.channels.extend(own);
+    }
+    Ok(image)
 }
 
 /// Reads the data window, and how it lies in the display window.
@@ -209,7 +220,11 @@ fn read_windows(path: &Path) -> Result<(Image, ExrWindows)> {
     let (width, height) = (side(part.size.0)?, side(part.size.1)?);
     let display = image.attributes.display_window;
     let (Vec2(x, y), Vec2(left, top)) = (part.attributes.layer_position, display.position);
+    let primaries = image.attributes.chromaticities.map(|own| Primaries {
+        xy: [own.red, own.green, own.blue, own.white].map(|Vec2(x, y)| [x, y].map(f64::from)),
+    });
     let windows = ExrWindows {
+        primaries,
         origin: [i64::from(x) - i64::from(left), i64::from(y) - i64::from(top)],
         size: [side(display.size.0)?, side(display.size.1)?],
     };

@@ -1,12 +1,14 @@
 //! Data and display windows of an EXR file: pixels that it holds, and their place in the image.
 
-use super::{Image, Layer};
+use super::{Image, Layer, Primaries};
 use crate::base::error::{Error, Result};
 use crate::base::memory::{GIB, available_memory};
 
 /// How the pixels of a file lie in the image to show.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ExrWindows {
+    /// Primaries of the colors, if the file names them.
+    pub primaries: Option<Primaries>,
     /// Column and row of the data window's first pixel in the display window.
     pub origin: [i64; 2],
     /// Width and height of the display window, pixels.
@@ -16,7 +18,7 @@ pub(super) struct ExrWindows {
 impl ExrWindows {
     /// The display window of an image that is the data window. Pixels without data are 0.
     pub fn displayed(self, image: Image) -> Result<Image> {
-        let Self { origin: [left, top], size: [width, height] } = self;
+        let Self { origin: [left, top], size: [width, height], .. } = self;
         if [left, top] == [0, 0] && [width, height] == [image.width, image.height] {
             return Ok(image);
         }
@@ -42,6 +44,9 @@ impl ExrWindows {
         let (own, display) = (image.width as usize, width as usize);
         let place = |values: &Vec<f32>| {
             let mut all = vec![0.0; display * height as usize];
+            if columns.is_empty() {
+                return all; // the windows do not meet
+            }
             for row in rows.clone() {
                 let from = &values[row * own..][columns.clone()];
                 // The display window holds both, by the definition of the ranges.
@@ -79,7 +84,8 @@ mod tests {
             ([-9, -9], [2, 1], "00"),
             ([i64::from(i32::MIN), i64::from(i32::MAX)], [1, 1], "0"),
         ] {
-            let shown = ExrWindows { origin, size }.displayed(data.clone()).unwrap();
+            let shown =
+                ExrWindows { primaries: None, origin, size }.displayed(data.clone()).unwrap();
             assert_eq!([shown.width, shown.height], size);
             let text: String =
                 shown.layers[0].channels[0].1.iter().map(|value| value.to_string()).collect();
@@ -95,7 +101,7 @@ mod tests {
         let data = Image { width: 1, height: 1, layers, metadata: Metadata::new() };
         // 48 EiB. Systems that do not report their memory refuse nothing.
         if available_memory().is_some() {
-            let windows = ExrWindows { origin: [0, 0], size: [1 << 31; 2] };
+            let windows = ExrWindows { primaries: None, origin: [0, 0], size: [1 << 31; 2] };
             let shown = windows.displayed(data).unwrap_err().to_string();
             assert!(shown.contains("the display window of 2147483648x2147483648"), "{shown}");
         }

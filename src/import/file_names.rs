@@ -24,8 +24,8 @@ pub(super) fn is_guess(folder: &Path, name: &str, found: &Path) -> bool {
     found != folder.join(spelled) && latin1_path(name).is_none_or(|own| found != folder.join(own))
 }
 
-/// Finds a path with `/` as the separator, in any case. Of an absolute path, as many parts at its end
-/// as possible have to match.
+/// Finds a path with `/` as the separator, in any case. Of an absolute path, as many parts at its
+/// end as possible have to match.
 fn by_parts(folder: &Path, name: &str) -> Option<PathBuf> {
     let mut parts: Vec<&str> = name.split('/').filter(|part| !matches!(*part, "" | ".")).collect();
     let is_drive = parts.first().is_some_and(|first| first.len() == 2 && first.ends_with(':'));
@@ -40,7 +40,8 @@ fn by_parts(folder: &Path, name: &str) -> Option<PathBuf> {
     })
 }
 
-/// The file of this name in a folder: the exact name, else the first one by order that differs in case.
+/// The file of this name in a folder: the exact name, else the first one by order that differs in
+/// case.
 fn in_any_case(folder: &Path, name: &str) -> Option<PathBuf> {
     let exact = folder.join(name);
     if exact.exists() {

@@ -7,6 +7,7 @@ use std::io::Read;
 use std::path::Path;
 
 pub(super) use super::file_names::find;
+use super::gzip;
 pub(super) use crate::base::input::open;
 
 /// Largest accepted scene file, bytes. Geometry belongs in OBJ files, which have no limit.
@@ -15,7 +16,14 @@ const MAX_SCENE_FILE: u64 = 16 << 20;
 /// Reads a file, cut off at `limit` bytes.
 pub(super) fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    let read = open(path)?.take(limit).read_to_end(&mut bytes);
+    let file = open(path)?;
+    // Files may have holes, which take no space.
+    let length = file.metadata().map_or(0, |metadata| metadata.len()).min(limit);
+    check_memory(length as f64, available_memory()).map_err(|problem| {
+        let problem = format!("reading the file takes {problem}");
+        Error::new(problem, "give a smaller file").at(path)
+    })?;
+    let read = file.take(limit).read_to_end(&mut bytes);
     read.map_err(|e| Error::io("read the file", path, e))?;
     Ok(bytes)
 }
@@ -76,10 +84,17 @@ pub(super) fn read_lines(path: &Path) -> Result<Vec<u8>> {
     if bytes.starts_with(b"\xef\xbb\xbf") {
         bytes.drain(..3);
     }
-    if memchr::memchr(b'\n', &bytes).is_none() {
-        bytes.iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
+    if !bytes.starts_with(&gzip::MAGIC) {
+        unify_line_ends(&mut bytes);
     }
     Ok(bytes)
+}
+
+/// Replaces the line ends of old Macs.
+pub(super) fn unify_line_ends(text: &mut [u8]) {
+    if memchr::memchr(b'\n', text).is_none() {
+        text.iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
+    }
 }
 
 /// Bytes as text: UTF-8, else Latin-1, in which each byte is a character and different names stay

@@ -298,6 +298,8 @@ impl Scene {
     /// # Errors
     /// If light would have to come from infinitely far, or there are too many media.
     pub fn with_filling_medium(mut self, medium: Option<Arc<Medium>>) -> Result<Self> {
+        // A medium that neither absorbs nor scatters is empty space.
+        let medium = medium.filter(|own| own.absorption + own.scattering != Rgb::ZERO);
         let lights = self.lights();
         let is_far = |emitter: &super::Emitter| matches!(emitter, super::Emitter::Directional(_));
         if medium.is_some() && (lights.has_environment() || lights.emitters().iter().any(is_far)) {

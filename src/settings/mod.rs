@@ -8,7 +8,7 @@ pub mod provenance;
 mod table;
 
 pub(crate) use checks::{
-    ADVICE, as_serde, check_camera_paths, check_light_paths, check_whole_sets,
+    ADVICE, MAX_IMAGE_SIDE, as_serde, check_camera_paths, check_light_paths, check_whole_sets,
 };
 pub use checks::{DEFAULT_WAVELENGTH_WIDTH, MAX_LIGHT_PATHS};
 pub use crop::Crop;

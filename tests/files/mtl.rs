@@ -97,3 +97,52 @@ fn transmission_filters_tint_glass() {
     assert_eq!(clear, Vec3::ONE);
     assert!(text.contains("ignored the transmission filter `Tf` of `m`"), "{text}");
 }
+
+/// A PNG file of one gray texel whose code is `value` of 65,535, with this gamma in 1/100,000.
+fn png_of(value: u16, gamma: Option<u32>, has_profile: bool) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 1, 1);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    if let Some(gamma) = gamma {
+        encoder.set_source_gamma(png::ScaledFloat::from_scaled(gamma));
+    }
+    if has_profile {
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    }
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(&value.to_be_bytes().repeat(3)).unwrap();
+    writer.finish().unwrap();
+    bytes
+}
+
+#[test]
+fn gamma_of_png_files_applies_to_colors_and_not_to_numbers() {
+    let obj = "mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\n\
+               f 1/1 2/2 3/3\n";
+    let mtl = "newmtl m\nmap_Kd a.png\nmap_d a.png\n";
+    for (gamma, has_profile, expected) in [
+        (None, false, 0.214),
+        (Some(45_455), false, 0.214),
+        (Some(100_000), false, 0.5),
+        (Some(100_000), true, 0.214),
+        (Some(50_000), false, 0.25),
+    ] {
+        let picture = png_of(32_768, gamma, has_profile);
+        let list = [("a.png", &picture[..]), ("a.mtl", mtl.as_bytes()), ("a.obj", obj.as_bytes())];
+        let loaded = files(&list).load();
+        let material = only_material(&loaded);
+        let albedo = material.albedo_texture.as_ref().unwrap().color(Vec2::splat(0.5));
+        assert!((albedo.x - expected).abs() < 5e-3, "{gamma:?}: {albedo}");
+        let opacity = material.opacity_texture.as_ref().unwrap().opacity(Vec2::splat(0.5));
+        assert!((opacity - 0.5).abs() < 3e-3, "{gamma:?}: {opacity}");
+    }
+}
+
+#[test]
+fn smoothing_groups_without_normals_are_reported() {
+    let faces = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\ns 1\nf 1 2 3\nf 1//1 2//1 3//1\ns off\nf 1 2 3\n\
+                 s 0\nf 1 2 3\n";
+    let text = files(&[("a.obj", faces.as_bytes())]).load().warnings_text();
+    assert!(text.contains("1 faces of smoothing groups (`s`) are flat without normals"), "{text}");
+}

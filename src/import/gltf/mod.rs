@@ -96,6 +96,11 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         let name = first_name([&node.json.name, name], || format!("nodes[{}]", node.index));
         let pose = Pose::new(&buffers, node, index, &all_maps)?;
         // The joints of a skin place its mesh, whatever the transform of its node is.
+        let instances = if pose.is_placed() { 1 } else { instances::count(&document, node)? };
+        builder.count_placements(instances, path).map_err(|error| {
+            let problem = format!("nodes[{}]: {}", node.index, error.problem());
+            Error::new(problem, error.advice())
+        })?;
         let maps = match pose.is_placed() {
             true => vec![DAffine3::IDENTITY],
             false => instances::maps(&buffers, node)?,

@@ -124,7 +124,14 @@ impl SceneReader<'_> {
         let mut extras = SceneExtras { defaults, default_light: false, filling_medium, ..extras };
         match (environment, &extras.environment) {
             (Some(_), Some(_)) => builder.warnings.push(replaced_environment(path)),
-            (own, None) => extras.environment = own.map(|own| own.environment(is_mirrored)),
+            (own, None) => {
+                let own = own.map(|own| own.environment(is_mirrored)).transpose();
+                extras.environment =
+                    own.map_err(|error| match lights.iter().find(|light| is_environment(light)) {
+                        Some(light) => light.error(error.problem(), error.advice()),
+                        None => error,
+                    })?;
+            }
             (None, Some(_)) => {}
         }
         let names = sensors.iter().map(Object::label).collect();
@@ -193,7 +200,10 @@ impl SceneReader<'_> {
             }
         };
         let count = parts.iter().map(|part| part.mesh.triangles.len() as u64).sum();
-        self.builder.count(count, 0, self.path)?;
+        let placed = self.builder.count(count, 0, self.path);
+        let placed =
+            placed.and_then(|()| self.builder.count_placements(parts.len() as u64, self.path));
+        placed.map_err(|error| object.error(error.problem(), error.advice()))?;
         let transform = self.transform(object, world * map, flip)?;
         let placed = self.builder.place(Some(&name), &parts, &transform);
         placed.ok_or_else(|| out_of_range(object))

@@ -14,6 +14,7 @@ use crate::import::curves::{CurveBasis, add_tube, remove_empty};
 use crate::import::instancing::MaterialMesh;
 use crate::import::paint::Paint;
 use crate::import::ply::{self, PlyUse, VDirection};
+use crate::import::text;
 use crate::import::warnings::Warning;
 use crate::scene::transform::Transform;
 use crate::scene::{Material, MediumBoundary, Mesh, NormalMap};
@@ -170,6 +171,9 @@ impl SceneReader<'_> {
                 *uv = Vec2::new(own.x, 1.0 - own.y);
             }
         }
+        let stored = meshes.iter().map(|mesh| mesh.triangles.len() as u64).sum();
+        let stored = self.builder.count(0, stored, self.path);
+        stored.map_err(|error| object.error(error.problem(), error.advice()))?;
         let all = meshes.into_iter().map(Arc::new).collect();
         let meshes = ShapeMeshes { all, has_normals };
         if flips.is_none() {
@@ -276,7 +280,7 @@ fn read(
         ShapeSource::Formula { shape, is_lamp } => return Ok((vec![shape.mesh(*is_lamp)], true)),
         ShapeSource::File(path, index) => (path, *index),
         ShapeSource::Curves(path, basis, scale) => {
-            return Ok((vec![curves(object, path, *basis, f64::from_bits(*scale))?], true));
+            return Ok((vec![curves(path, *basis, f64::from_bits(*scale))?], true));
         }
     };
     let (mut meshes, mut is_flat) = (Vec::new(), key.is_flat);
@@ -315,18 +319,17 @@ fn read(
 
 /// The curves of a file, which has a line of a position and a radius for each control point, and empty lines between
 /// curves.
-fn curves(object: &Object, path: &Path, basis: CurveBasis, scale: f64) -> Result<Mesh> {
-    let text = std::fs::read_to_string(path).map_err(|problem| {
-        Error::new(format!("the curves cannot be read: {problem}"), "check the file").at(path)
-    })?;
+fn curves(path: &Path, basis: CurveBasis, scale: f64) -> Result<Mesh> {
+    let bytes = text::read_lines(path)?;
+    let text = text::decoded(&bytes);
     let mut mesh = Mesh::default();
     let mut points: Vec<DVec4> = Vec::new();
     for (number, line) in text.lines().chain([""]).enumerate() {
         if !line.trim().is_empty() {
             let numbers: Vec<f64> = line.split_whitespace().map_while(|w| w.parse().ok()).collect();
             let [x, y, z, radius] = numbers[..] else {
-                let problem = format!("line {} of its file is not four numbers", number + 1);
-                return Err(object.error(problem, "give a position and a radius"));
+                let error = Error::new("this is not four numbers", "give a position and a radius");
+                return Err(error.at(path).line(number + 1, line));
             };
             points.push(DVec4::new(x, y, z, radius));
             continue;

@@ -14,7 +14,8 @@ use std::sync::Arc;
 /// Reads each picture of a library once.
 pub(super) struct TextureReader<'a> {
     folder: &'a Path,
-    read: HashMap<PathBuf, Result<Texture>>,
+    /// By path, and whether the texture holds colors.
+    read: HashMap<(PathBuf, bool), Result<Texture>>,
 }
 
 impl<'a> TextureReader<'a> {
@@ -58,7 +59,9 @@ impl<'a> TextureReader<'a> {
         if is_guess(self.folder, record.name, &path) {
             notes.guessed.insert(format!("{} as {}", record.name, path.display()));
         }
-        let read = self.read.entry(path).or_insert_with_key(|path| Texture::load(path));
+        let is_color = matches!(keyword, "map_Kd" | "map_Ke");
+        let load = if is_color { Texture::load_colors } else { Texture::load };
+        let read = self.read.entry((path, is_color)).or_insert_with_key(|(path, _)| load(path));
         match read {
             Ok(texture) => {
                 *slot = Some(Arc::new(texture.clone().sampled(record.sampling)));

@@ -85,7 +85,8 @@ pub(super) fn load(path: &Path) -> Result<ObjFile> {
     let mut notes = Vec::new();
     let mut skip =
         |text: String| notes.push(Warning::skipped(format!("{}: {text}", path.display())));
-    let Normalized { ignored_elements, invalid_references, invalid_numbers, .. } = normalized;
+    let Normalized { ignored_elements, invalid_references, invalid_numbers, unsmoothed, .. } =
+        normalized;
     for (count, what) in [
         (ignored_elements, "points, lines or curves"),
         (invalid_references, "references to texture coordinates or normals that do not exist"),
@@ -94,6 +95,9 @@ pub(super) fn load(path: &Path) -> Result<ObjFile> {
         if count > 0 {
             skip(format!("ignored {count} {what}"));
         }
+    }
+    if unsmoothed > 0 {
+        skip(format!("{unsmoothed} faces of smoothing groups (`s`) are flat without normals"));
     }
     if !normalized.unknown.is_empty() {
         let words = normalized.unknown.iter().map(|(word, line)| format!("{word} (line {line})"));

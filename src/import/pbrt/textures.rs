@@ -10,7 +10,7 @@ use crate::import::file_names::is_guess;
 use crate::import::load::extension;
 use crate::import::mitsuba::color::ColorUse;
 use crate::import::paint::{Paint, picture, picture_of};
-use crate::import::text::{RELATIVE_NAME, find};
+use crate::import::text::{RELATIVE_NAME, find, list};
 use crate::import::texture_file::linear_color;
 use crate::import::warnings::{GroupedWarnings, Warning};
 use crate::scene::{Sampling, Texture, Wrap};
@@ -70,6 +70,13 @@ impl Textures {
             }
         };
         let paint = self.make(name, params, space, is_float)?;
+        // Nothing of other types is read, as its own warning says.
+        let is_known =
+            matches!(&params.kind[..], "constant" | "scale" | "mix" | "checkerboard" | "imagemap");
+        let unused: Vec<&str> = params.unused().filter(|_| is_known).collect();
+        if !unused.is_empty() {
+            self.warnings.skipped(format!("ignored {} of the texture", list(unused)), name);
+        }
         if is_float {
             self.floats.insert(name.to_owned(), paint);
         } else {

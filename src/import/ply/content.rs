@@ -1,5 +1,5 @@
-//! The bytes of a PLY file: its header in the dialect of the crate `ply-rs-bw`, then the numbers of its
-//! elements.
+//! The bytes of a PLY file: its header in the dialect of the crate `ply-rs-bw`, then the numbers of
+//! its elements.
 //!
 //! Programs write numbers such as `2.` and `.5`, byte order marks, empty lines and the line ends of
 //! old Macs, which the crate refuses. So it parses only the header here.

@@ -51,7 +51,8 @@ pub(super) struct PlyFile {
 /// Names of the list of a face's vertices.
 const INDICES: [&str; 2] = ["vertex_indices", "vertex_index"];
 
-/// Minimum bytes of memory per triangle and per corner of a face with texture coordinates or colors.
+/// Minimum bytes of memory per triangle and per corner of a face with texture coordinates or
+/// colors.
 const TRIANGLE: usize = 12;
 const CORNER: usize = 32;
 
@@ -145,8 +146,8 @@ impl Loader<'_> {
         Ok(PlyFile { mesh, warnings: self.skipped.into_iter().map(note).collect() })
     }
 
-    /// Adds a note about properties of `element` that have no effect. Numbers that say how a scan was
-    /// made, and where faces belong, would not change the image.
+    /// Adds a note about properties of `element` that have no effect. Numbers that say how a scan
+    /// was made, and where faces belong, would not change the image.
     fn note_unused<'a>(&mut self, element: &str, unused: impl Iterator<Item = &'a str>) {
         const INVISIBLE: [&str; 12] = [
             "confidence",
@@ -232,7 +233,8 @@ impl Loader<'_> {
         Err(self.content.wrong(&format!("face {index} has the vertex index {number}")))
     }
 
-    /// Adds triangles and polygons, with texture coordinates and colors of their own if they have some.
+    /// Adds triangles and polygons, with texture coordinates and colors of their own if they have
+    /// some.
     fn faces(&mut self, element: &ElementDef) -> Result<()> {
         let names = |name: &str| element.properties.contains_key(name);
         let colors = ColorChannels::find(names).filter(|_| self.wanted.has_colors);
@@ -253,7 +255,8 @@ impl Loader<'_> {
             let place = (&element.name[..], index);
             self.content.next_item(&element.name, index)?;
             let mut color = [1.0; 3];
-            (corners.clear(), uvs.clear());
+            corners.clear();
+            uvs.clear();
             for (name, property) in &element.properties {
                 self.list(&property.data_type, place, &mut numbers)?;
                 let kind = match &property.data_type {
@@ -328,8 +331,8 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// Adds strips of triangles: each vertex makes one with the two before it, turned in turn, and -1
-    /// begins a new strip.
+    /// Adds strips of triangles: each vertex makes one with the two before it, turned in turn, and
+    /// -1 begins a new strip.
     fn strips(&mut self, element: &ElementDef) -> Result<()> {
         let mut numbers = Vec::new();
         for index in 0..element.count {

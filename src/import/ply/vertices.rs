@@ -49,7 +49,7 @@ impl ColorChannels {
             let property = element.properties.get(*name).map(|property| &property.data_type);
             matches!(property, Some(PropertyType::Scalar(kind)) if !is_float(kind))
         };
-        Self { is_srgb: self.names.iter().any(|name| is_integer(name)), ..self }
+        Self { is_srgb: self.names.iter().any(is_integer), ..self }
     }
 
     /// The linear color of codes in [0, 1]. Others are clamped.
@@ -67,8 +67,8 @@ fn is_float(kind: &ScalarType) -> bool {
     matches!(kind, ScalarType::Float | ScalarType::Double)
 }
 
-/// The factor that maps codes to [0, 1]. Programs that write wider integers still count to 255, except
-/// for colors of 16 bits.
+/// The factor that maps codes to [0, 1]. Programs that write wider integers still count to 255,
+/// except for colors of 16 bits.
 fn scale(kind: &ScalarType) -> f64 {
     match kind {
         ScalarType::Float | ScalarType::Double => 1.0,
