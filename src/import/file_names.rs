@@ -10,18 +10,27 @@ use std::path::{Path, PathBuf};
 /// - differ in case, as on Windows,
 /// - begin at the root of another computer. Then the end of its path counts.
 pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
+    find_exact(folder, name).or_else(|| by_parts(folder, &in_slashes(name)))
+}
+
+/// The name without quotes around it, with `/` as the separator.
+fn in_slashes(name: &str) -> String {
+    name.trim().trim_matches(['"', '\'']).replace('\\', "/")
+}
+
+/// Finds the file of a name as [`find`] does, but only one of exactly this name.
+pub(super) fn find_exact(folder: &Path, name: &str) -> Option<PathBuf> {
     let unquoted = name.trim().trim_matches(['"', '\'']);
-    let names = [name.to_owned(), unquoted.to_owned(), unquoted.replace('\\', "/")];
+    let names = [name.to_owned(), unquoted.to_owned(), in_slashes(name)];
     let as_text = names.iter().map(PathBuf::from);
     let as_bytes = names.iter().filter_map(|name| latin1_path(name));
-    let exact = as_text.chain(as_bytes).map(|name| folder.join(name)).find(|path| path.exists());
-    exact.or_else(|| by_parts(folder, &names[2]))
+    as_text.chain(as_bytes).map(|name| folder.join(name)).find(|path| path.exists())
 }
 
 /// Whether `found`, the result of [`find`], has a path that the user may not expect for this name.
 pub(super) fn is_guess(folder: &Path, name: &str, found: &Path) -> bool {
-    let spelled = name.trim().trim_matches(['"', '\'']).replace('\\', "/");
-    found != folder.join(spelled) && latin1_path(name).is_none_or(|own| found != folder.join(own))
+    found != folder.join(in_slashes(name))
+        && latin1_path(name).is_none_or(|own| found != folder.join(own))
 }
 
 /// Finds a path with `/` as the separator, in any case. Of an absolute path, as many parts at its

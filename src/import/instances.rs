@@ -9,7 +9,7 @@ use crate::scene::transform::Transform;
 use std::path::Path;
 
 /// Peak memory of placing a mesh over the size of the file: numbers, transforms and placements.
-const TIMES_IN_MEMORY: f64 = 12.0;
+const TIMES_IN_MEMORY: f64 = 20.0;
 
 /// Numbers of a matrix for column vectors, without its last row, `[0, 0, 0, 1]`.
 const NUMBERS: usize = 12;

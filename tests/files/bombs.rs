@@ -215,6 +215,36 @@ fn tables_of_meters_and_places_beyond_memory_are_refused() {
 }
 
 #[test]
+fn media_in_many_objects_load() {
+    let count = 60_000;
+    let header =
+        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({count}, 3, 4), }}\n");
+    let places = |x: f32| {
+        let mut npy = b"\x93NUMPY\x01\x00".to_vec();
+        npy.extend((header.len() as u16).to_le_bytes());
+        npy.extend(header.as_bytes());
+        for i in 0..count {
+            let rows = [1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, 3.0 * i as f32, 0.0, 0.0, 1.0, 0.0];
+            npy.extend(rows.iter().flat_map(|number: &f32| number.to_le_bytes()));
+        }
+        npy
+    };
+    // No two objects meet, but the boxes around all of each medium do.
+    let (a, b) = (places(0.0), places(1.5));
+    let body = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+    let scene = format!(
+        "{TOML}[media.one]\nscattering = 1\n[media.two]\nscattering = 2\n\
+         [materials.one]\ntype = 'boundary'\ninterior = 'one'\n\
+         [materials.two]\ntype = 'boundary'\ninterior = 'two'\n\
+         [[mesh]]\nfile = 'a.obj'\nmaterial = 'one'\nplaces = 'a.npy'\n\
+         [[mesh]]\nfile = 'a.obj'\nmaterial = 'two'\nplaces = 'b.npy'\n"
+    );
+    let (loads, error) =
+        run(&[("a.toml", scene.as_bytes()), ("a.obj", body), ("a.npy", &a), ("b.npy", &b)]);
+    assert!(loads, "{error}");
+}
+
+#[test]
 fn counts_of_gltf_instances_beyond_memory_are_refused() {
     let point = "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
     for (count, vertices) in

@@ -87,6 +87,12 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         }
     }
     builder.warnings.extend(profiles.warnings());
+    let guessed = buffers::guessed(&document, folder);
+    if !guessed.is_empty() {
+        let names = list(guessed.iter().map(String::as_str));
+        let note = format!("{shown}: found under other names the files {names}");
+        builder.warnings.push(Warning::chosen(note));
+    }
     let mut meshes = MeshReader::new(&buffers, GltfTextures::new(&buffers, folder));
     let all_maps = nodes.iter().map(|node| (node.index, node.map)).collect();
     // Place each mesh.

@@ -1,10 +1,11 @@
 //! The elements of a scene file and of the files that it includes, with all parameters substituted.
 
 use crate::base::error::{Error, Result};
+use crate::import::file_names::is_guess;
 use crate::import::text;
 use roxmltree::{Node, ParsingOptions};
-use std::cell::Cell;
-use std::collections::HashMap;
+use std::cell::{Cell, RefCell};
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 /// Maximum number of elements of all files.
@@ -63,6 +64,8 @@ pub(super) struct XmlDocument {
     /// Bytes of all files, and of all attributes.
     read: usize,
     substituted: usize,
+    /// Names of files that were found under other names.
+    pub guessed: RefCell<BTreeSet<String>>,
     /// Folders in which files are searched.
     folders: Vec<PathBuf>,
     ids: HashMap<String, usize>,
@@ -258,7 +261,12 @@ impl XmlDocument {
     fn find(&self, name: &str, source: usize) -> Option<PathBuf> {
         let own = self.sources[source].0.parent().unwrap_or(Path::new(""));
         let mut folders = self.folders.iter().map(PathBuf::as_path).chain([own]);
-        folders.find_map(|folder| text::find(folder, name)).filter(|path| path.is_file())
+        let own = folders.find_map(|folder| Some((folder, text::find(folder, name)?)));
+        let (folder, path) = own.filter(|(_, path)| path.is_file())?;
+        if is_guess(folder, name, &path) {
+            self.guessed.borrow_mut().insert(name.to_owned());
+        }
+        Some(path)
     }
 
     /// Finds a file that the element of this index names.

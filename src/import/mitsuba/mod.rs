@@ -24,7 +24,7 @@ use super::builder::{Builder, SceneExtras};
 use super::instancing::MaterialMesh;
 use super::load::{LoadOptions, Loaded};
 use super::text::{list, placed_at};
-use super::warnings::replaced_environment;
+use super::warnings::{Warning, replaced_environment};
 use crate::base::error::Result;
 use crate::settings::PartialSettings;
 use bsdf::BsdfCache;
@@ -112,6 +112,12 @@ impl SceneReader<'_> {
         self.warn_of_unused(document);
         let Self { mut builder, paints, path, .. } = self;
         builder.warnings.extend(paints.warnings.into_warnings(&shown));
+        let guessed = document.guessed.borrow();
+        if !guessed.is_empty() {
+            let names = list(guessed.iter().map(String::as_str));
+            let note = format!("{shown}: found under other names the files {names}");
+            builder.warnings.push(Warning::chosen(note));
+        }
         builder.arrange(path)?;
         let (camera, resolution) = match (&sensor, &chosen) {
             (Some(sensor), Some(object)) => {

@@ -10,7 +10,7 @@ use super::spectra::ColorSpace;
 use super::state::{self, GraphicsState};
 use super::tokens::{Location, Token, Tokens};
 use crate::base::error::Result;
-use crate::import::text::{RELATIVE_NAME, find};
+use crate::import::text::RELATIVE_NAME;
 use glam::{DAffine3, DVec3};
 use std::path::Path;
 use std::rc::Rc;
@@ -311,7 +311,9 @@ impl SceneReader<'_> {
     /// Reads another file, whose name is relative to the folder of the scene.
     fn include(&mut self, directive: &str, location: &Location, tokens: &mut Tokens) -> Result<()> {
         let name = text(tokens, location)?;
-        let path = find(&self.textures.folder, &name)
+        let path = self
+            .textures
+            .located(&name)
             .ok_or_else(|| location.error(format!("there is no file `{name}`"), RELATIVE_NAME))?;
         if self.depth >= MAX_DEPTH {
             let problem = format!("more than {MAX_DEPTH} files include each other");

@@ -188,12 +188,17 @@ impl Textures {
 
     /// The picture in a file, relative to the scene.
     pub fn find(&mut self, params: &Params, name: &str) -> Result<PathBuf> {
-        let path = find(&self.folder, name)
-            .ok_or_else(|| params.error(format!("there is no file `{name}`"), RELATIVE_NAME))?;
+        let missing = || params.error(format!("there is no file `{name}`"), RELATIVE_NAME);
+        self.located(name).ok_or_else(missing)
+    }
+
+    /// A file of the scene, if there is one.
+    pub fn located(&mut self, name: &str) -> Option<PathBuf> {
+        let path = find(&self.folder, name)?;
         if is_guess(&self.folder, name, &path) {
             self.warnings.chosen("found under other names the files", name);
         }
-        Ok(path)
+        Some(path)
     }
 
     /// An emission texture: a picture as colors.
