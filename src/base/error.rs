@@ -142,23 +142,27 @@ impl Error {
     }
 }
 
-/// Control characters would let a file, whose names and lines are shown, write to the terminal.
-pub(crate) fn visible(c: char) -> char {
+/// The character, or a replacement of one that controls a terminal: names and lines of files are
+/// shown.
+pub fn visible(c: char) -> char {
     if c.is_control() && c != '\t' && c != '\n' { '\u{fffd}' } else { c }
+}
+
+/// Writes text from a file, whose names also get into paths and advice.
+fn write_visible(f: &mut fmt::Formatter<'_>, text: &str) -> fmt::Result {
+    text.chars().try_for_each(|c| f.write_char(visible(c)))
 }
 
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(location) = &self.location {
-            write!(f, "{}", location.path.display())?;
+            write_visible(f, &location.path.display().to_string())?;
             if let Some((number, _)) = location.line {
                 write!(f, ":{number}")?;
             }
             write!(f, ": ")?;
         }
-        for c in self.problem.chars() {
-            f.write_char(visible(c))?;
-        }
+        write_visible(f, &self.problem)?;
         if let Some((number, text)) =
             self.location.as_ref().and_then(|location| location.line.as_ref())
         {
@@ -166,7 +170,8 @@ impl fmt::Display for Error {
             let shown: String = text.chars().take(120).map(visible).collect();
             write!(f, "\n  {number} | {shown}")?;
         }
-        write!(f, "\nhelp: {}", self.advice)?;
+        f.write_str("\nhelp: ")?;
+        write_visible(f, &self.advice)?;
         self.others.iter().try_for_each(|other| write!(f, "\nerror: {other}"))
     }
 }
@@ -199,6 +204,9 @@ mod tests {
         let text = format!("\x1b[2J{}", "x".repeat(1000));
         let shown = Error::new("p", "a").at("f").line(1, text).to_string();
         assert!(shown.len() < 160 && !shown.contains('\x1b'), "{shown}");
+        let hostile = "a\x1b[2J\u{9b}b";
+        let shown = Error::new(hostile, hostile).at(hostile).line(1, hostile).to_string();
+        assert_eq!(shown.matches("a\u{fffd}[2J\u{fffd}b").count(), 4, "{shown}");
     }
 
     #[test]

@@ -41,7 +41,7 @@ mod usage_tips;
 mod verbose;
 mod view;
 
-use bdpm::base::error::{Error, Result};
+use bdpm::base::error::{Error, Result, visible};
 use bdpm::import::{
     CameraChange, EnvironmentSource, LoadOptions, Loaded, LookAt, Warning, load_with,
 };
@@ -181,10 +181,15 @@ fn run_other(command: Command) -> Result<String> {
     }
 }
 
+/// The text without characters that would let names from files control the terminal.
+fn harmless(text: &str) -> String {
+    text.chars().map(visible).collect()
+}
+
 /// Prints to stdout. A reader that closes the pipe early is no error.
 fn print(text: &str) -> Result<()> {
     let mut stdout = io::stdout().lock();
-    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+    match stdout.write_all(harmless(text).as_bytes()).and_then(|()| stdout.flush()) {
         Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
             Err(Error::io("write the result", Path::new("standard output"), e))
         }
@@ -194,7 +199,12 @@ fn print(text: &str) -> Result<()> {
 
 /// Prints a line to stderr. A failure cannot be reported anywhere, so it is ignored.
 fn say(line: &str) {
-    let _ = writeln!(io::stderr(), "{line}");
+    let _ = writeln!(io::stderr(), "{}", harmless(line));
+}
+
+/// Prints a picture of colored characters, which control the terminal, to stderr.
+fn draw(lines: &str) {
+    let _ = writeln!(io::stderr(), "{lines}");
 }
 
 /// Prints warnings about a scene, with the options that their advice is about.

@@ -1,6 +1,6 @@
 //! Progress on stderr: a bar on a terminal, else lines of text or JSON.
 
-use super::{human_time, say};
+use super::{draw, human_time, say};
 use bdpm::adaptive::stopping::{Convergence, Forecast, Stop};
 use bdpm::film::PhaseTimes;
 use bdpm::job::{RenderState, Status, Totals};
@@ -139,7 +139,7 @@ impl Progress {
         let mut before = self.picture.lock().expect("no holder panics");
         bar.suspend(|| {
             let up = if *before > 0 { format!("\x1b[{}A", *before) } else { String::new() };
-            say(&(up + &lines.join("\n")));
+            draw(&(up + &lines.join("\n")));
         });
         *before = lines.len();
     }

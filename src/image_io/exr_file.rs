@@ -3,7 +3,8 @@
 use super::exr_blocks;
 use super::exr_format::{DisplayWindow, ExrFormat};
 use super::exr_header::SortedHeader;
-use super::{Image, Layer, Metadata, Value};
+use super::exr_windows::ExrWindows;
+use super::{Image, Layer, Metadata, Primaries, Value, converted};
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
 use crate::base::input;
@@ -122,11 +123,38 @@ pub fn write_exr_rows(
     })
 }
 
-/// Reads the first part of any EXR file, and those of its attributes that [`write_exr`] wrote.
+/// Reads the first part of any EXR file, and those of its attributes that [`write_exr`] wrote. The
+/// image is the data window: pixels that the file holds.
 ///
 /// # Errors
 /// If the file cannot be read, or is no EXR file with flat channels; names it.
 pub fn read_exr(path: &Path) -> Result<Image> {
+    read_windows(path).map(|(image, _)| image)
+}
+
+/// Reads as [`read_exr`], but the image is the display window, in the primaries of Rec. 709. Pixels
+/// that the file does not hold are 0.
+///
+/// # Errors
+/// As [`read_exr`], or if memory does not suffice for the display window.
+pub fn read_exr_display(path: &Path) -> Result<Image> {
+    let (image, windows) = read_windows(path)?;
+    let primaries = windows.primaries;
+    let mut image = windows.displayed(image).map_err(|error| error.at(path))?;
+    if let Some(map) = primaries.and_then(Primaries::to_rec_709)
+        && let Some(layer) = image.layers.iter_mut().find(|layer| layer.name.is_empty())
+        && let Some(colors) = layer.to_rgb()
+    {
+        let colors: Vec<_> = colors.into_iter().map(|color| converted(map, color)).collect();
+        let Layer { channels: own, .. } = Layer::rgb("", &colors);
+        layer.channels.retain(|(name, _)| !matches!(&name[..], "R" | "G" | "B"));
+        layer.channels.extend(own);
+    }
+    Ok(image)
+}
+
+/// Reads the data window, and how it lies in the display window.
+fn read_windows(path: &Path) -> Result<(Image, ExrWindows)> {
     let file = input::open(path)?;
     check_magic(&file).map_err(|e| Error::io("read", path, e))?.map_err(|e| e.at(path))?;
     let broken = |e: exr::error::Error| match e {
@@ -190,7 +218,17 @@ pub fn read_exr(path: &Path) -> Result<Image> {
         })
     };
     let (width, height) = (side(part.size.0)?, side(part.size.1)?);
-    Ok(Image { width, height, layers, metadata })
+    let display = image.attributes.display_window;
+    let (Vec2(x, y), Vec2(left, top)) = (part.attributes.layer_position, display.position);
+    let primaries = image.attributes.chromaticities.map(|own| Primaries {
+        xy: [own.red, own.green, own.blue, own.white].map(|Vec2(x, y)| [x, y].map(f64::from)),
+    });
+    let windows = ExrWindows {
+        primaries,
+        origin: [i64::from(x) - i64::from(left), i64::from(y) - i64::from(top)],
+        size: [side(display.size.0)?, side(display.size.1)?],
+    };
+    Ok((Image { width, height, layers, metadata }, windows))
 }
 
 /// Refuses files that are no EXR files; rewinds the others.

@@ -9,16 +9,19 @@ mod exr_blocks;
 mod exr_file;
 mod exr_format;
 mod exr_header;
+mod exr_windows;
 mod png_file;
+mod primaries;
 mod scale;
 mod tone;
 mod tone_curves;
 
 #[cfg(feature = "cli")]
 pub use canvas::Canvas;
-pub use exr_file::{read_exr, write_exr, write_exr_as, write_exr_rows};
+pub use exr_file::{read_exr, read_exr_display, write_exr, write_exr_as, write_exr_rows};
 pub use exr_format::{DisplayWindow, ExrCompression, ExrFormat};
 pub use png_file::{encode_png, is_ours, write_png, write_png_as, write_png_bytes};
+pub use primaries::{Primaries, converted};
 pub use scale::{digits, number, quantile, tick_step};
 pub use tone::{ToneCurve, ToneMapping, auto_exposure, tone_map};
 

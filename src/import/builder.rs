@@ -3,6 +3,7 @@
 use super::camera_change::CameraChange;
 use super::default_camera;
 use super::fallback;
+use super::growth::Growth;
 use super::instancing::{MaterialMesh, MeshGroups};
 use super::load::{Loaded, scene_name};
 use super::mtl;
@@ -11,14 +12,15 @@ use super::summary::SceneSummary;
 use super::text::{check_memory, list};
 use super::warnings::Warning;
 use crate::base::error::{Error, Result};
-use crate::base::math::Bounds;
+use crate::base::math::{Bounds, Rgb};
 use crate::base::memory::available_memory;
 use crate::scene::transform::Transform;
 use crate::scene::{
-    Arrangement, Camera, Emitter, Environment, Material, Medium, MediumBoundary, MeterSet,
+    Arrangement, Camera, Emitter, Environment, Material, Medium, MediumBoundary, Mesh, MeterSet,
     Placement, Region, Scene,
 };
 use crate::settings::PartialSettings;
+use glam::{Affine2, Vec2};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -27,6 +29,16 @@ use std::time::Instant;
 /// Minimum memory of a triangle while a scene is read, bytes: its corners, a cache line for
 /// shading, and its entry in the acceleration structure.
 const TRIANGLE_BYTES: f64 = 200.0;
+
+/// Memory of a placement of a mesh while a scene is read, bytes: its transform in the file, here,
+/// in the scene and in the acceleration structure.
+const PLACEMENT_BYTES: u64 = 800;
+
+/// Triangles of this many bytes are checked at once.
+const CHECKED_BYTES: f64 = 1e6;
+
+/// Address of a mesh, and bits of a map of texture coordinates.
+type MappedKey = (*const Mesh, [u32; 6]);
 
 /// Meshes, materials and warnings of a scene under construction.
 #[derive(Default)]
@@ -43,7 +55,11 @@ pub(super) struct Builder {
     unnamed: bool,
     /// Names of textured materials on meshes without texture coordinates.
     untextured: BTreeSet<String>,
+    /// Meshes whose texture coordinates a material maps, by the address of the original, which
+    /// stays alive beside its copy, and the bits of the map.
+    mapped: HashMap<MappedKey, [Arc<Mesh>; 2]>,
     triangles: u64,
+    growth: Growth,
     pub warnings: Vec<Warning>,
 }
 
@@ -86,7 +102,8 @@ impl Builder {
         let file = own.is_none().then(|| path.to_owned());
         *self.material_index.entry((file, name.to_owned())).or_insert_with(|| {
             let material = match (own, obj.materials.get(name)) {
-                (Some(material), _) | (None, Some(material)) => material.clone(),
+                (Some(material), _) => material.clone(),
+                (None, Some(library)) => library.material.clone(),
                 (None, None) => {
                     if is_named {
                         self.undefined.insert(name.to_owned());
@@ -100,6 +117,32 @@ impl Builder {
         })
     }
 
+    /// The mesh with the texture coordinates of the pictures of its material.
+    fn mapped(
+        &mut self,
+        mesh: &Arc<Mesh>,
+        name: Option<&str>,
+        own: &BTreeMap<String, Material>,
+        obj: &ObjFile,
+    ) -> Arc<Mesh> {
+        let library = name.filter(|name| !own.contains_key(*name));
+        let to_uv = library.and_then(|name| obj.materials.get(name)).map(|own| own.to_uv);
+        let Some(to_uv) = to_uv.filter(|map| *map != Affine2::IDENTITY) else {
+            return Arc::clone(mesh);
+        };
+        // All placements of a mesh share one copy.
+        let key = (Arc::as_ptr(mesh), to_uv.to_cols_array().map(f32::to_bits));
+        let [_, copy] = self.mapped.entry(key).or_insert_with(|| {
+            let mut copy = Mesh::clone(mesh);
+            for uv in &mut copy.uvs {
+                let mapped = to_uv.transform_point2(*uv);
+                *uv = if mapped.is_finite() { mapped } else { Vec2::ZERO };
+            }
+            [Arc::clone(mesh), Arc::new(copy)]
+        });
+        Arc::clone(copy)
+    }
+
     /// Adds an OBJ file's meshes; `None` if a point moves out of range.
     pub fn add(
         &mut self,
@@ -110,8 +153,9 @@ impl Builder {
         own: &BTreeMap<String, Material>,
     ) -> Option<()> {
         let part = |ObjMesh { mesh, material: named }: &ObjMesh| {
-            let material = self.material(material.or(named.as_deref()), own, path, obj);
-            MaterialMesh { mesh: mesh.clone(), material }
+            let name = material.or(named.as_deref());
+            let mesh = self.mapped(mesh, name, own, obj);
+            MaterialMesh { mesh, material: self.material(name, own, path, obj) }
         };
         let parts: Vec<MaterialMesh> = obj.meshes.iter().map(part).collect();
         self.place(None, &parts, transform)?;
@@ -158,7 +202,24 @@ impl Builder {
             let problem = format!("the scene has more than {} triangles", u32::MAX);
             return Err(Error::new(problem, SIMPLIFY).at(path));
         }
-        require_memory(new, path)
+        let bytes = new as f64 * TRIANGLE_BYTES;
+        // Small parts are checked by their sum.
+        if bytes >= CHECKED_BYTES {
+            require_memory(new, path)?;
+        }
+        self.grow(bytes as u64, path)
+    }
+
+    /// Counts `count` placements of meshes, before they exist. Refuses more than fit in memory.
+    pub fn count_placements(&mut self, count: u64, path: &Path) -> Result<()> {
+        self.grow(count.saturating_mul(PLACEMENT_BYTES), path)
+    }
+
+    fn grow(&mut self, bytes: u64, path: &Path) -> Result<()> {
+        self.growth.add(bytes).map_err(|problem| {
+            let problem = format!("the meshes of the scene and their placements take {problem}");
+            Error::new(problem, SIMPLIFY).at(path)
+        })
     }
 
     /// The box around all triangles.
@@ -268,11 +329,37 @@ impl Builder {
             return Err(Error::new("the scene has no light", advice).at(path));
         }
         if !scene.lights().power().is_finite() {
-            let problem = "the power of all lights overflows";
+            let problem = format!("the power of all lights overflows{}", strongest(&scene));
             return Err(Error::new(problem, "lower their intensity or emission").at(path));
         }
         let summary = SceneSummary::new(&scene);
         Ok(Loaded { scene: Arc::new(scene), defaults, meters, warnings, summary, assembly })
+    }
+}
+
+/// Names the light that makes the power of all overflow, as the end of a sentence.
+fn strongest(scene: &Scene) -> String {
+    let emitters = scene.lights().emitters();
+    let power = |emitter: &Emitter| {
+        let largest = emitter.power().max_element();
+        if largest.is_nan() { f32::INFINITY } else { largest }
+    };
+    let first = emitters.iter().max_by(|a, b| power(a).total_cmp(&power(b)));
+    let of_all: Rgb = emitters.iter().map(Emitter::power).sum();
+    match first {
+        Some(Emitter::Triangle { .. } | Emitter::Textured(_)) if !of_all.is_finite() => {
+            let emission = |own: &&Material| own.emission.max_element();
+            let materials = scene.materials().iter();
+            let brightest = materials.max_by(|a, b| emission(a).total_cmp(&emission(b)));
+            brightest.map_or_else(String::new, |own| {
+                format!("; the material `{}` has the largest emission", own.name)
+            })
+        }
+        Some(first) if !of_all.is_finite() => match first.position() {
+            Some(position) => format!("; the strongest light is at {position}"),
+            None => "; the strongest light is parallel".to_owned(),
+        },
+        _ => "; the environment is the strongest".to_owned(),
     }
 }
 

@@ -1,11 +1,12 @@
 //! Environments: maps of radiance, and the default environment of scenes without light.
 
-use super::text::{open, read_bytes};
+use super::text::{decoded, open, read_bytes};
 use super::warnings::Warning;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
-use crate::image_io::{Metadata, read_exr};
+use crate::image_io::{Metadata, Primaries, converted, read_exr_display};
 use crate::scene::{Environment, Inset, InsetGrid};
+use glam::DMat3;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -157,7 +158,7 @@ pub fn read_radiance(path: &Path) -> Result<RadianceImage> {
     match &extension[..] {
         "exr" => {
             open(path)?; // refuses devices that never end
-            let image = read_exr(path)?;
+            let image = read_exr_display(path)?;
             let pixels = image.layer("").and_then(|layer| layer.to_rgb()).ok_or_else(|| {
                 Error::new("the image has no channels R, G and B", "give a color image").at(path)
             })?;
@@ -181,15 +182,48 @@ fn read_hdr(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
             .at(path)
     };
     let bytes = read_bytes(path, u64::MAX)?;
+    let header = hdr_header(&bytes);
     let mut decoder =
         zune_hdr::HdrDecoder::new(zune_hdr::zune_core::bytestream::ZCursor::new(bytes));
     let values = decoder.decode().map_err(|e| broken(format!("{e:?}")))?;
     let (width, height) = decoder.dimensions().ok_or_else(|| broken("it has no size".into()))?;
-    let pixels = values.chunks_exact(3).map(Rgb::from_slice).collect::<Vec<_>>();
+    let mut pixels = values.chunks_exact(3).map(Rgb::from_slice).collect::<Vec<_>>();
     if pixels.is_empty() || pixels.len() != width * height {
         return Err(broken("its pixels are incomplete".into()));
     }
+    let (factor, map) = header;
+    if factor != Rgb::ONE || map.is_some() {
+        let map = map.unwrap_or(DMat3::IDENTITY);
+        pixels.iter_mut().for_each(|pixel| *pixel = converted(map, factor * *pixel));
+    }
     Ok((width as u32, height as u32, pixels))
+}
+
+/// The factor of the pixels of an HDR image, and the map of their primaries to Rec. 709. `EXPOSURE`
+/// and `COLORCORR` are factors that a program has multiplied with, as the manual of Radiance says.
+/// Those that are not positive numbers have no effect.
+fn hdr_header(bytes: &[u8]) -> (Rgb, Option<DMat3>) {
+    /// Maximum length of a header, bytes.
+    const MAX_HEADER: usize = 1 << 16;
+    let header = decoded(&bytes[..bytes.len().min(MAX_HEADER)]);
+    let (mut factor, mut map) = (Rgb::ONE, None);
+    for line in header.lines().take_while(|line| !line.trim().is_empty()) {
+        let Some((key, value)) = line.split_once('=') else { continue };
+        let numbers = value.split_whitespace().map(|word| word.parse::<f64>());
+        let Ok(numbers) = numbers.collect::<std::result::Result<Vec<f64>, _>>() else { continue };
+        let is_factor = numbers.iter().all(|number| (1e-30..1e30).contains(number));
+        match (key.trim(), &numbers[..]) {
+            ("EXPOSURE", [exposure]) if is_factor => factor /= *exposure as f32,
+            ("COLORCORR", [r, g, b]) if is_factor => {
+                factor /= Rgb::new(*r as f32, *g as f32, *b as f32);
+            }
+            ("PRIMARIES", &[a, b, c, d, e, f, g, h]) => {
+                map = Primaries { xy: [[a, b], [c, d], [e, f], [g, h]] }.to_rec_709();
+            }
+            _ => {}
+        }
+    }
+    (factor, map)
 }
 
 #[cfg(test)]

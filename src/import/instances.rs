@@ -2,10 +2,14 @@
 //!
 //! The format: <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>
 
-use super::text::read_bytes;
+use super::text::{check_memory, read_bytes};
 use crate::base::error::{Error, Result};
+use crate::base::memory::available_memory;
 use crate::scene::transform::Transform;
 use std::path::Path;
+
+/// Peak memory of placing a mesh over the size of the file: numbers, transforms and placements.
+const TIMES_IN_MEMORY: f64 = 20.0;
 
 /// Numbers of a matrix for column vectors, without its last row, `[0, 0, 0, 1]`.
 const NUMBERS: usize = 12;
@@ -15,6 +19,11 @@ const NUMBERS: usize = 12;
 /// # Errors
 /// If the file holds something else, or a matrix is not invertible: names the file and the matrix.
 pub(super) fn read(path: &Path) -> Result<Vec<Transform>> {
+    let length = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
+    check_memory(length as f64 * TIMES_IN_MEMORY, available_memory()).map_err(|problem| {
+        let problem = format!("reading the places takes {problem}");
+        Error::new(problem, "leave out some places").at(path)
+    })?;
     let bytes = read_bytes(path, u64::MAX)?;
     let wrong = |problem: &str| {
         let advice = "save an array of float32 or float64 of shape (n, 3, 4) by numpy.save";

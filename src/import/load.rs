@@ -11,8 +11,9 @@ use super::instances;
 use super::mitsuba;
 use super::obj::{self, ObjFile};
 use super::pbrt;
-use super::ply::{self, VDirection};
+use super::ply::{self, PlyUse, VDirection};
 use super::scene_file::light::TableLight;
+use super::scene_file::luminaire::LuminaireFiles;
 use super::scene_file::medium;
 use super::scene_file::texture::TomlTextures;
 use super::scene_file::{self, MeshFileKind, SceneFile};
@@ -221,7 +222,8 @@ fn build_toml(
         if is_new {
             let read = match kind {
                 MeshFileKind::Ply => {
-                    ObjFile::of(ply::read(&mesh_path, VDirection::Up)?, &mesh_path)
+                    let wanted = PlyUse { v_direction: VDirection::Up, has_colors: true };
+                    ObjFile::of(ply::read(&mesh_path, wanted)?, &mesh_path)
                 }
                 MeshFileKind::Obj => obj::load(&mesh_path)?,
             };
@@ -243,7 +245,10 @@ fn build_toml(
         };
         let count = obj.triangle_count();
         let placed = count.saturating_mul(transforms.len() as u64);
-        builder.count(placed, if is_new { count } else { 0 }, path)?;
+        let counted = builder.count(placed, if is_new { count } else { 0 }, path);
+        let parts = obj.meshes.len().saturating_mul(transforms.len()) as u64;
+        let counted = counted.and_then(|()| builder.count_placements(parts, path));
+        counted.map_err(|error| at(error, table.span().start))?;
         if let Some(name) = &mesh.material {
             check_material(name.get_ref(), &file, obj).map_err(|e| at(e, name.span().start))?;
         }
@@ -268,11 +273,12 @@ fn build_toml(
         })?;
     }
     let mut lights = Vec::new();
+    let mut luminaires = LuminaireFiles::default();
     for table in &file.light {
         let start = table.span().start;
         // Problems of a photometric file are about that file.
         let place = |error: Error| if error.has_location() { error } else { at(error, start) };
-        match table.get_ref().light(folder).map_err(place)? {
+        match table.get_ref().light(folder, &mut luminaires).map_err(place)? {
             TableLight::Emitter(emitter) => lights.push(emitter),
             TableLight::Luminaire(luminaire, notes) => {
                 builder.warnings.extend(notes.into_iter().map(Warning::chosen));

@@ -4,8 +4,10 @@ use crate::base::error::{Error, Result};
 use crate::base::memory::{GIB, available_memory};
 use std::borrow::Cow;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+pub(super) use super::file_names::find;
+use super::gzip;
 pub(super) use crate::base::input::open;
 
 /// Largest accepted scene file, bytes. Geometry belongs in OBJ files, which have no limit.
@@ -14,7 +16,14 @@ const MAX_SCENE_FILE: u64 = 16 << 20;
 /// Reads a file, cut off at `limit` bytes.
 pub(super) fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    let read = open(path)?.take(limit).read_to_end(&mut bytes);
+    let file = open(path)?;
+    // Files may have holes, which take no space.
+    let length = file.metadata().map_or(0, |metadata| metadata.len()).min(limit);
+    check_memory(length as f64, available_memory()).map_err(|problem| {
+        let problem = format!("reading the file takes {problem}");
+        Error::new(problem, "give a smaller file").at(path)
+    })?;
+    let read = file.take(limit).read_to_end(&mut bytes);
     read.map_err(|e| Error::io("read the file", path, e))?;
     Ok(bytes)
 }
@@ -75,10 +84,17 @@ pub(super) fn read_lines(path: &Path) -> Result<Vec<u8>> {
     if bytes.starts_with(b"\xef\xbb\xbf") {
         bytes.drain(..3);
     }
-    if memchr::memchr(b'\n', &bytes).is_none() {
-        bytes.iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
+    if !bytes.starts_with(&gzip::MAGIC) {
+        unify_line_ends(&mut bytes);
     }
     Ok(bytes)
+}
+
+/// Replaces the line ends of old Macs.
+pub(super) fn unify_line_ends(text: &mut [u8]) {
+    if memchr::memchr(b'\n', text).is_none() {
+        text.iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
+    }
 }
 
 /// Bytes as text: UTF-8, else Latin-1, in which each byte is a character and different names stay
@@ -88,29 +104,6 @@ pub(super) fn decoded(bytes: &[u8]) -> Cow<'_, str> {
         Ok(text) => Cow::Borrowed(text),
         Err(_) => Cow::Owned(bytes.iter().map(|byte| char::from(*byte)).collect()),
     }
-}
-
-/// Finds the file of a [`decoded`] name. The name may have the separators of another system, or
-/// come from bytes that are not UTF-8.
-pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
-    let names = [name.to_owned(), name.replace('\\', "/")];
-    let as_text = names.iter().map(PathBuf::from);
-    let as_bytes = names.iter().filter_map(|name| latin1_path(name));
-    as_text.chain(as_bytes).map(|name| folder.join(name)).find(|path| path.exists())
-}
-
-/// The name as bytes of Latin-1, if they differ from its UTF-8.
-#[cfg(unix)]
-fn latin1_path(name: &str) -> Option<PathBuf> {
-    use std::os::unix::ffi::OsStringExt;
-    let bytes: Option<Vec<u8>> = name.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect();
-    let bytes = bytes.filter(|bytes| !bytes.is_ascii())?;
-    Some(std::ffi::OsString::from_vec(bytes).into())
-}
-
-#[cfg(not(unix))]
-fn latin1_path(_: &str) -> Option<PathBuf> {
-    None
 }
 
 /// The first word and what follows it, without white space around either.

@@ -6,7 +6,7 @@ use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::base::memory::available_memory;
 use crate::scene::{Texture, Wrap};
-use image::{ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 use std::io::Cursor;
 use std::path::Path;
 
@@ -32,6 +32,18 @@ impl Texture {
         Self::decode_as(&bytes, is_tga.then_some(ImageFormat::Tga)).map_err(|error| error.at(path))
     }
 
+    /// Reads a picture of colors. Those of a PNG file with another gamma than that of sRGB become
+    /// sRGB codes. Numbers, such as normals, are what a file stores, whatever its gamma is.
+    ///
+    /// # Errors
+    /// As [`Self::load`].
+    pub(super) fn load_colors(path: &Path) -> Result<Self> {
+        let texture = Self::load(path)?;
+        let bytes = read_bytes(path, MAX_FILE)?;
+        let Some(gamma) = png_gamma(&bytes) else { return Ok(texture) };
+        decoded_by(&bytes, gamma).map_err(|problem| unreadable(&problem).at(path))
+    }
+
     /// Decodes the content of a picture file of any format that has a signature.
     ///
     /// # Errors
@@ -42,10 +54,7 @@ impl Texture {
 
     /// Decodes a picture. `default` is the format of content without a signature.
     fn decode_as(bytes: &[u8], default: Option<ImageFormat>) -> Result<Self> {
-        decoded(bytes, default).map_err(|problem| {
-            let problem = format!("the texture cannot be read: {problem}");
-            Error::new(problem, "save it again as PNG or JPEG of 8 bits per channel")
-        })
+        decoded(bytes, default).map_err(|problem| unreadable(&problem))
     }
 
     /// The texture with each texel changed, and the same sampling.
@@ -54,6 +63,42 @@ impl Texture {
         let texels = self.texels().iter().map(|texel| change(*texel)).collect();
         Self::new(width, height, texels).sampled(self.sampling())
     }
+}
+
+fn unreadable(problem: &str) -> Error {
+    let problem = format!("the texture cannot be read: {problem}");
+    Error::new(problem, "save it again as PNG or JPEG of 8 bits per channel")
+}
+
+/// The exponent of the chunk `gAMA` of a PNG file: codes are linear values to this power. `None`
+/// without one, with a color profile, which precedes it, and for that of sRGB.
+fn png_gamma(bytes: &[u8]) -> Option<f64> {
+    /// Exponent of sRGB, and the range in which programs round it.
+    const SRGB: f64 = 1.0 / 2.2;
+    const ROUNDING: f64 = 0.02;
+    let reader = png::Decoder::new(Cursor::new(bytes)).read_info().ok()?;
+    let info = reader.info();
+    let has_profile = info.srgb.is_some() || info.icc_profile.is_some();
+    let gamma = f64::from(info.gama_chunk?.into_value());
+    let is_other = (0.05..=5.0).contains(&gamma) && (gamma - SRGB).abs() > ROUNDING;
+    (!has_profile && is_other).then_some(gamma)
+}
+
+/// The sRGB codes of a PNG file whose codes are linear values to the power `gamma`, from all its
+/// bits.
+fn decoded_by(bytes: &[u8], gamma: f64) -> Decoded<Texture> {
+    let picture = picture(bytes, ImageFormat::Png)?.into_rgba16();
+    let (width, height) = picture.dimensions();
+    let code = |value: u16| {
+        let linear = (f64::from(value) / 65_535.0).powf(1.0 / gamma);
+        (255.0 * srgb::encode(Rgb::splat(linear as f32))[0]).round() as u8
+    };
+    let codes: Vec<u8> = (0..=u16::MAX).map(code).collect();
+    let texel = |&image::Rgba([r, g, b, a]): &image::Rgba<u16>| {
+        let [r, g, b] = [r, g, b].map(|value| codes[usize::from(value)]);
+        [r, g, b, (f64::from(a) / 257.0).round() as u8]
+    };
+    Ok(Texture::new(width, height, picture.pixels().map(texel).collect()))
 }
 
 /// The linear color of a texel, without its opacity.
@@ -91,6 +136,14 @@ fn check_size(width: u32, height: u32, available: Option<f64>) -> Decoded<()> {
 fn decoded(bytes: &[u8], default: Option<ImageFormat>) -> Decoded<Texture> {
     let known = image::guess_format(bytes).ok().filter(ImageFormat::reading_enabled);
     let format = known.or(default).ok_or("it is not a PNG, JPEG, WebP, TIFF, BMP or TGA file")?;
+    let picture = picture(bytes, format)?.into_rgba8();
+    let (width, height) = picture.dimensions();
+    let texels = picture.pixels().map(|pixel| pixel.0).collect();
+    Ok(Texture::new(width, height, texels))
+}
+
+/// The picture in a file of this format, as it is stored.
+fn picture(bytes: &[u8], format: ImageFormat) -> Decoded<DynamicImage> {
     let reader = || ImageReader::with_format(Cursor::new(bytes), format);
     let (width, height) = reader().into_dimensions().map_err(|e| e.to_string())?;
     check_size(width, height, available_memory())?;
@@ -98,10 +151,7 @@ fn decoded(bytes: &[u8], default: Option<ImageFormat>) -> Decoded<Texture> {
     limits.max_alloc = Some(MAX_MEMORY);
     let mut reader = reader();
     reader.limits(limits);
-    let picture = reader.decode().map_err(|e| e.to_string())?.into_rgba8();
-    let (width, height) = picture.dimensions();
-    let texels = picture.pixels().map(|pixel| pixel.0).collect();
-    Ok(Texture::new(width, height, texels))
+    reader.decode().map_err(|e| e.to_string())
 }
 
 #[cfg(test)]

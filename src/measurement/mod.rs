@@ -24,7 +24,7 @@ use crate::render::block::CombinedImage;
 use crate::scene::backend::{self, Backend};
 use crate::scene::bsdf::Lobe;
 use crate::scene::{Emitter, LightSource, MeterKind, MeterSet, Placement, Scene};
-use crate::settings::PartialSettings;
+use crate::settings::{MAX_IMAGE_SIDE, PartialSettings};
 use mean_series::MeanSeries;
 use rayon::ThreadPool;
 use std::ops::{ControlFlow, Range};
@@ -376,6 +376,15 @@ impl OneKind<'_> {
         watched: &mut dyn FnMut(f64, u64) -> ControlFlow<()>,
     ) -> Result<(Vec<OfSet>, RenderResult)> {
         let job = self.job;
+        let count: usize = self.sets.iter().map(|(_, set)| set.meters.len()).sum();
+        if count > MAX_IMAGE_SIDE as usize {
+            let problem = format!("{count} meters measure {}", quantity(self.kind));
+            let advice = format!(
+                "measure at most {MAX_IMAGE_SIDE} meters of a quantity at a time: give grids fewer \
+                 `columns` and `rows`, or several tables of meters"
+            );
+            return Err(Error::new(problem, advice));
+        }
         let meters: Vec<_> = self.sets.iter().flat_map(|(_, set)| set.meters.clone()).collect();
         let resolution = Some([meters.len() as u32, 1]);
         let scene = Arc::new(self.scene.with_meters(self.kind, meters));

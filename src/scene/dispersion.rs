@@ -51,6 +51,10 @@ impl RefractiveIndex {
             );
             return Err(Error::new(problem, "give one value for each wavelength"));
         }
+        if let Some(wrong) = nanometers.iter().find(|nm| !(nm.is_finite() && **nm > 0.0)) {
+            let problem = format!("a wavelength of the refractive index is {wrong}");
+            return Err(Error::new(problem, "give nanometers above 0"));
+        }
         if nanometers.windows(2).any(|pair| pair[0] >= pair[1]) {
             let problem = "the wavelengths of the refractive index do not grow";
             return Err(Error::new(problem, "sort them, and the values with them"));

@@ -312,6 +312,8 @@ impl Scene {
     /// # Errors
     /// If light would have to come from infinitely far, or there are too many media.
     pub fn with_filling_medium(mut self, medium: Option<Arc<Medium>>) -> Result<Self> {
+        // A medium that neither absorbs nor scatters is empty space.
+        let medium = medium.filter(|own| own.absorption + own.scattering != Rgb::ZERO);
         let lights = self.lights();
         let is_far = |emitter: &super::Emitter| matches!(emitter, super::Emitter::Directional(_));
         if medium.is_some() && (lights.has_environment() || lights.emitters().iter().any(is_far)) {
@@ -348,10 +350,23 @@ fn extents(
     extents
 }
 
+/// Maximum number of pairs of objects whose boxes are compared.
+const MAX_PAIRS: usize = 10_000_000;
+
 /// For each medium the set of those that it may overlap: their objects' boxes do. `filling` overlaps all.
 fn meetings(extents: &[Vec<Bounds>], filling: Members) -> Vec<Members> {
     let touch = |a: &Bounds, b: &Bounds| a.min.cmple(b.max).all() && b.min.cmple(a.max).all();
-    let meet = |a: &[Bounds], b: &[Bounds]| a.iter().any(|a| b.iter().any(|b| touch(a, b)));
+    let whole = |boxes: &[Bounds]| {
+        let all = boxes.iter().fold(Bounds::EMPTY, |all, own| all.with(own.min).with(own.max));
+        (!boxes.is_empty()).then_some(all)
+    };
+    let meet = |a: &[Bounds], b: &[Bounds]| {
+        let (Some(all_a), Some(all_b)) = (whole(a), whole(b)) else { return false };
+        // Of very many objects it is enough that they may overlap.
+        touch(&all_a, &all_b)
+            && (a.len().saturating_mul(b.len()) > MAX_PAIRS
+                || a.iter().any(|a| b.iter().any(|b| touch(a, b))))
+    };
     let set = |one: &Vec<Bounds>| {
         let others = extents.iter().enumerate().filter(|(_, other)| meet(one, other));
         others.fold(filling, |set, (index, _)| set | 1 << index)

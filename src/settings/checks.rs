@@ -29,8 +29,11 @@ pub(super) fn checked<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
 /// Maximum number of light paths: path ids take 31 bits.
 pub const MAX_LIGHT_PATHS: u32 = 1 << 31;
 
+/// Maximum width and height of an image, pixels.
+pub(crate) const MAX_IMAGE_SIDE: u32 = 65_536;
+
 pub(super) fn check_resolution(&[width, height]: &[u32; 2]) -> Result<()> {
-    if (1..=65_536).contains(&width) && (1..=65_536).contains(&height) {
+    if [width, height].iter().all(|side| (1..=MAX_IMAGE_SIDE).contains(side)) {
         return Ok(());
     }
     Err(Error::new(

@@ -10,7 +10,8 @@ mod table;
 
 pub use allowed::AllowedLightPaths;
 pub(crate) use checks::{
-    ADVICE, MEDIUM_SCALES, as_serde, check_camera_paths, check_light_paths, check_whole_sets,
+    ADVICE, MAX_IMAGE_SIDE, MEDIUM_SCALES, as_serde, check_camera_paths, check_light_paths,
+    check_whole_sets,
 };
 pub use checks::{DEFAULT_WAVELENGTH_WIDTH, MAX_LIGHT_PATHS};
 pub use crop::Crop;

@@ -227,3 +227,87 @@ fn render_command_adds_light_or_reports_black_images() {
     assert_eq!(converted["fingerprints"][0], converted["fingerprints"][1]);
     assert_eq!(converted["fingerprints"][0], all[0]);
 }
+
+/// A map of 8 by 4 pixels with two lit ones at (5, 1), of which a file holds a part, or more.
+#[test]
+fn environment_maps_are_display_windows() {
+    use exr::prelude::*;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let bright = |x: i64, y: i64| if (5..7).contains(&x) && y == 1 { 1.0 } else { 0.0 };
+    for (position, size) in [([0, 0], [8, 4]), ([4, 1], [3, 2]), ([-2, -1], [12, 6])] {
+        let pixel = |at: Vec2<usize>| {
+            let [x, y] = [at.0 as i64 + position[0], at.1 as i64 + position[1]];
+            // Outside of the display window.
+            let hidden = if (0..8).contains(&x) && (0..4).contains(&y) { 0.0 } else { 9.0 };
+            let value = bright(x, y) as f32 + hidden;
+            (value, value, value)
+        };
+        let attributes = LayerAttributes {
+            layer_position: Vec2(position[0] as i32, position[1] as i32),
+            ..LayerAttributes::default()
+        };
+        let layer = Layer::new(
+            (size[0], size[1]),
+            attributes,
+            Encoding::UNCOMPRESSED,
+            SpecificChannels::rgb(pixel),
+        );
+        let mut image = Image::from_layer(layer);
+        image.attributes.display_window = IntegerBounds::from_dimensions((8, 4));
+        image.write().to_file(&path).unwrap();
+        let image = bdpm::import::read_radiance(&path).unwrap();
+        let ((width, height), pixels) = (image.size, image.pixels);
+        assert_eq!((width, height), (8, 4));
+        let lit: Vec<usize> = (0..32).filter(|i| pixels[*i] != glam::Vec3::ZERO).collect();
+        assert_eq!(lit, [13, 14], "{position:?}");
+    }
+}
+
+/// A Radiance file of one pixel, without run lengths.
+fn hdr(header: &str, pixel: [u8; 4]) -> Vec<u8> {
+    let head = format!("#?RADIANCE\n{header}FORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n");
+    [head.as_bytes(), &pixel].concat()
+}
+
+#[test]
+fn exposure_and_primaries_of_hdr_files_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.hdr");
+    let pixel = [128, 64, 32, 129];
+    let read = |header: &str| {
+        std::fs::write(&path, hdr(header, pixel)).unwrap();
+        bdpm::import::read_radiance(&path).unwrap().pixels[0]
+    };
+    let plain = read("");
+    assert!((plain.x / plain.y - 2.0).abs() < 1e-2, "{plain}");
+    assert!((read("EXPOSURE=2\nEXPOSURE= 2.0\n") - plain / 4.0).length() < 1e-6);
+    let corrected = read("COLORCORR=1 2 4\n");
+    assert!((corrected - plain / glam::Vec3::new(1.0, 2.0, 4.0)).length() < 1e-6, "{corrected}");
+    assert_eq!(read("EXPOSURE=nan\nEXPOSURE=0\nPRIMARIES=1\n"), plain);
+    let usual = "PRIMARIES=0.6400 0.3300 0.2900 0.6000 0.1500 0.0600 0.3333 0.3333\n";
+    assert_eq!(read(usual), plain);
+    // Red and green are exchanged.
+    let swapped = "PRIMARIES=0.3000 0.6000 0.6400 0.3300 0.1500 0.0600 0.3127 0.3290\n";
+    let found = read(swapped);
+    assert!((found.x - plain.y).abs() + (found.y - plain.x).abs() < 1e-4, "{found}");
+}
+
+#[test]
+fn primaries_of_exr_files_are_converted() {
+    use exr::prelude::*;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let mut image =
+        Image::from_channels((2, 1), SpecificChannels::rgb(|_| (1.0_f32, 0.5_f32, 0.25_f32)));
+    let pair = |x: f32, y: f32| Vec2(x, y);
+    image.attributes.chromaticities = Some(exr::meta::attribute::Chromaticities {
+        red: pair(0.3, 0.6),
+        green: pair(0.64, 0.33),
+        blue: pair(0.15, 0.06),
+        white: pair(0.3127, 0.3290),
+    });
+    image.write().to_file(&path).unwrap();
+    let pixels = bdpm::import::read_radiance(&path).unwrap().pixels;
+    assert!((pixels[1] - glam::Vec3::new(0.5, 1.0, 0.25)).length() < 1e-5, "{}", pixels[1]);
+}

@@ -378,3 +378,49 @@ fn malformed_ies_profiles_of_gltf_files_are_refused() {
     refused(json!([{ "uri": "b.ies" }]), by(0), "b.ies:2: the file ends before");
     refused(json!([{ "bufferView": 99 }]), by(0), "there is no bufferViews[99]");
 }
+
+/// Bright toward +y (C90), dark toward -y, and symmetric in x.
+const LOPSIDED: &str = "IESNA:LM-63-2002
+TILT=NONE
+1 1000 1 2 5 1 2 0 0 0
+1 1 10
+0 90
+0 90 180 270 360
+1000 1000
+1800 1800
+1000 1000
+200 200
+1000 1000
+";
+
+#[test]
+fn mirrored_nodes_mirror_their_profiles() {
+    for (scale, bright) in [
+        ([1, 1, 1], Vec3::Y),
+        ([-1, 1, 1], Vec3::Y),
+        ([1, -1, 1], Vec3::NEG_Y),
+        ([-1, -1, 1], Vec3::NEG_Y),
+        ([1, 1, -1], Vec3::Y),
+        ([-2, -2, -2], Vec3::NEG_Y),
+    ] {
+        let mut model = square();
+        model.json["extensionsUsed"] = json!(["EXT_lights_ies"]);
+        model.json["extensions"] = json!({ "EXT_lights_ies": { "lights": [{ "uri": "a.ies" }] } });
+        let own = json!({ "light": 0, "multiplier": 683 });
+        model.node(json!({ "extensions": { "EXT_lights_ies": own }, "scale": scale }));
+        let text = model.text();
+        let list = [("a.ies", LOPSIDED.as_bytes()), ("a.gltf", text.as_bytes())];
+        let loaded = files(&list).load();
+        let lights = loaded.scene.lights().emitters();
+        let found = lights.iter().find_map(|light| match light {
+            Emitter::Luminaire(lamp) => Some(lamp.aimed.clone()),
+            _ => None,
+        });
+        let lamp = found.unwrap();
+        let nadir = Vec3::new(0.0, 0.0, if scale[2] < 0 { 1.0 } else { -1.0 });
+        for (aside, value) in [(bright, 1800.0), (-bright, 200.0), (Vec3::X, 1000.0)] {
+            let intensity = lamp.intensity((nadir + aside).normalize()).x;
+            assert!((intensity / value - 1.0).abs() < 1e-4, "{scale:?} {aside}: {intensity}");
+        }
+    }
+}

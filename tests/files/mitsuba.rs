@@ -576,9 +576,9 @@ fn broken_mesh_files_are_refused() {
     };
     for (text, problem) in [
         ("ply\n".to_owned(), "cannot read it as a PLY file"),
-        (header("99999999999", "0 0 0\n"), "end of file"),
-        (header("3", "0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n"), "face 0 uses vertex 7 of 3"),
-        (header("3", "0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n"), "invalid vertex indices"),
+        (header("4000000000", "0 0 0\n"), "the file ends before item 1 of the element `vertex`"),
+        (header("3", "0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n"), "a face uses vertex 7 of 3"),
+        (header("3", "0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n"), "face 0 has the vertex index -1"),
         (header("3", "0 0 1e39\n1 0 0\n0 1 0\n3 0 1 2\n"), "vertex 0 of its file is not finite"),
     ] {
         let folder = folder(&shape("ply"));

@@ -1,8 +1,10 @@
 //! Reading and writing of scenes, meshes and textures, and errors about them.
 
 mod bad_input;
+mod bombs;
 mod camera_change;
 mod convert;
+mod extreme_numbers;
 mod fuzz_gltf;
 mod fuzz_luminaires;
 mod fuzz_mitsuba;
@@ -18,8 +20,10 @@ mod luminaires;
 mod media;
 mod memory;
 mod mitsuba;
+mod mtl;
 mod obj;
 mod pbrt;
+mod ply;
 mod shapes;
 mod sky;
 mod tolerant;

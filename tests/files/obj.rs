@@ -219,7 +219,7 @@ fn missing_items_are_noted_once_by_name() {
     let missing = "a.mtl: ignored some textures, for there are no files `gone.png`, `my map.png`";
     assert_eq!(notes.matches(missing).count(), 1, "{notes}");
     assert_eq!(notes.matches("gone.png").count(), 1, "{notes}");
-    assert!(notes.contains("(of another use, or with options) of `a`"), "{notes}");
+    assert!(notes.contains("(of another use) of `a`"), "{notes}");
     // Defined, if only by a library that is named last.
     assert!(!notes.contains("undefined"), "{notes}");
 }

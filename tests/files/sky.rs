@@ -153,3 +153,76 @@ fn skies_of_old_mitsuba_files_have_y_up_and_may_be_in_two_parts() {
     let toward = mitsuba_sun("3.0.0", emitter);
     assert!(toward.dot(Vec3::new(0.6, 0.64, -0.48)) > 0.998, "{toward}");
 }
+
+#[test]
+fn radiances_of_the_sky_that_overflow_are_refused() {
+    for key in ["sun_scale = 1e38", "sky_scale = 3e38", "sun_scale = 1e33\nsun_angle_deg = 0.01"] {
+        let error = read("", &format!("sun_direction = [0, 1, 0]\n{key}")).unwrap_err();
+        assert!(error.contains("a.toml:"), "{error}");
+        assert!(error.contains("overflows"), "{key}: {error}");
+    }
+}
+
+/// The inset of a small sun at the pole is a whole row of fine pixels.
+#[test]
+fn smallest_sun_at_the_zenith_has_its_irradiance() {
+    let irradiance = |angle: &str| {
+        let text = format!("sun_direction = [0, 1, 0]\nsky_scale = 0\n{angle}");
+        let scene = read("", &text).unwrap().scene;
+        f64::from(luminance(scene.lights().power()))
+    };
+    let (small, whole) = (irradiance("sun_angle_deg = 0.01"), irradiance(""));
+    assert!((small / whole - 1.0).abs() < 1e-2, "{small}, not {whole}");
+}
+
+#[test]
+fn sun_below_the_horizon_is_refused_with_advice_about_keys() {
+    let error = read("", "sun_direction = [0, -1, 0]").unwrap_err();
+    assert!(error.contains("90.0 degrees below the horizon"), "{error}");
+    assert!(error.contains("help: change `hour`, `date` or `sun_direction`"), "{error}");
+}
+
+#[test]
+fn wavelengths_that_are_no_numbers_are_refused() {
+    for (nanometers, problem) in [
+        ("[nan, nan]", "a wavelength of the refractive index is NaN"),
+        ("[400, inf]", "a wavelength of the refractive index is inf"),
+        ("[-1, 500]", "a wavelength of the refractive index is -1"),
+        ("[500, 400]", "do not grow"),
+    ] {
+        let folder = folder(&format!(
+            "{HEAD}{MESH}type = 'dielectric'\nior = {{ nanometers = {nanometers}, values = [1.5, 1.5] }}\n\
+             [environment]\nradiance = 1\n"
+        ));
+        let error = load(folder.path().join("a.toml")).unwrap_err().to_string();
+        assert!(error.contains("a.toml:7") && error.contains(problem), "{error}");
+    }
+}
+
+#[test]
+fn media_without_coefficients_are_empty_space_under_a_sky() {
+    let scene = |coefficients: &str| {
+        let folder = folder(&format!(
+            "medium = 'air'\n{HEAD}{MESH}[environment]\nradiance = 1\n[media.air]\n{coefficients}\n"
+        ));
+        load(folder.path().join("a.toml")).map_err(|error| error.to_string())
+    };
+    assert!(scene("scattering = 0").unwrap().scene.filling_medium().is_none());
+    let error = scene("scattering = 0.1").unwrap_err();
+    assert!(error.contains("absorbs all light of environments"), "{error}");
+}
+
+#[test]
+fn powers_that_overflow_name_their_light() {
+    let scene = |lights: &str, emission: &str| {
+        let folder = folder(&format!("{HEAD}{MESH}emission = {emission}\n{lights}"));
+        load(folder.path().join("a.toml")).unwrap_err().to_string()
+    };
+    let error = scene("", "3e38");
+    assert!(error.contains("overflows; the material `m` has the largest emission"), "{error}");
+    let point = "[[light]]\ntype = 'point'\nposition = [1, 2, 3]\nintensity = 3e38\n";
+    let error = scene(point, "0");
+    assert!(error.contains("overflows; the strongest light is at [1, 2, 3]"), "{error}");
+    let error = scene("[environment]\nradiance = 3e38\n", "0");
+    assert!(error.contains("overflows; the environment is the strongest"), "{error}");
+}

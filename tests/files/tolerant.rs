@@ -201,3 +201,33 @@ fn compressed_meshes_are_refused_with_the_command_to_decompress() {
     meshopt.json["buffers"] = json!([{ "byteLength": size, "uri": data }, { "byteLength": size }]);
     meshopt.files().refused(&["bufferViews[0]: it is compressed by EXT_meshopt", command]);
 }
+
+#[test]
+fn files_in_another_case_are_found_by_every_format_with_a_note() {
+    let picture = picture(image::ImageFormat::Png);
+    let mut model = square();
+    model.push("images", json!({ "uri": "P.PNG" }));
+    model.push("textures", json!({ "source": 0 }));
+    model.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
+    let model = model.text();
+    let mesh = format!("{TRIANGLE}f 1 2 3\n");
+    let mitsuba = "<scene version='3.0.0'><emitter type='constant'/><shape type='obj'>\
+                   <string name='filename' value='C:\\models\\Mesh.OBJ'/></shape></scene>";
+    let pbrt =
+        "Camera \"perspective\"\nWorldBegin\nLightSource \"infinite\"\nInclude \"Part.PBRT\"\n";
+    let part = "Shape \"sphere\"\n";
+    for (name, scene, shown) in [
+        ("a.gltf", &model[..], "`P.PNG`"),
+        ("a.xml", mitsuba, "`C:\\models\\Mesh.OBJ`"),
+        ("a.pbrt", pbrt, "`Part.PBRT`"),
+    ] {
+        let list = [
+            ("p.png", &picture[..]),
+            ("mesh.obj", mesh.as_bytes()),
+            ("part.pbrt", part.as_bytes()),
+            (name, scene.as_bytes()),
+        ];
+        let note = format!("found under other names the files {shown}");
+        loaded_with_warning(&list, WarningKind::Chosen, &note);
+    }
+}

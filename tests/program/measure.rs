@@ -189,3 +189,14 @@ fn intervals_hold_the_closed_form_as_often_as_they_say() {
     println!("{held} of {count} held, stated over true spread {ratio:.2}");
     assert!((0.8..1.6).contains(&ratio), "{ratio}");
 }
+
+#[test]
+fn too_many_meters_of_a_quantity_are_refused_with_their_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("meters.toml");
+    let text = "[[meter]]\ncorner = [1, 0.75, 1]\nedges = [[4, 0, 0], [0, 0, 2]]\n\
+                normal = [0, 1, 0]\ncolumns = 300\nrows = 300\n";
+    std::fs::write(&path, text).unwrap();
+    let output = measure(&[OFFICE, "--meters", path.to_str().unwrap(), "--time", "1s"]);
+    assert_refused(&output, "90000 meters measure illuminance", "at most 65536 meters");
+}

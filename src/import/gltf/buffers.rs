@@ -3,11 +3,12 @@
 use super::json::{GltfDocument, get};
 use super::{EXPORT_AGAIN, malformed};
 use crate::base::error::{Error, Result};
-use crate::import::text::read_bytes;
+use crate::import::file_names::is_guess;
+use crate::import::text::{find, read_bytes};
 use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -114,11 +115,25 @@ fn file_of(uri: &str, folder: &Path, element: &str) -> Result<PathBuf> {
     }
     // In the standard percent signs are escapes, but not all exporters comply.
     let names = [percent_decoded(uri), Some(uri.to_owned())];
-    let paths = names.into_iter().flatten().map(|name| folder.join(name));
-    paths.into_iter().find(|path| path.exists()).ok_or_else(|| {
+    names.into_iter().flatten().find_map(|name| find(folder, &name)).ok_or_else(|| {
         let advice = format!("put the file into the folder of the scene, or {EXPORT_AGAIN}");
         Error::new(format!("{element}: there is no file `{shown}`"), advice)
     })
+}
+
+/// Names of files of the document that were found under other names.
+pub(super) fn guessed(document: &GltfDocument, folder: &Path) -> BTreeSet<String> {
+    let buffers = document.buffers.iter().map(|own| &own.uri);
+    let images = document.images.iter().map(|own| &own.uri);
+    let profiles = document.extensions.ies.lights.iter().map(|own| &own.uri);
+    let uris = buffers.chain(images).chain(profiles).flatten();
+    let files = uris.filter(|uri| !uri.starts_with("data:") && !uri.contains("://"));
+    let is_other = |uri: &&String| {
+        let names = [percent_decoded(uri), Some((*uri).clone())];
+        let found = names.into_iter().flatten().find_map(|name| Some((find(folder, &name)?, name)));
+        found.is_some_and(|(path, name)| is_guess(folder, &name, &path))
+    };
+    files.filter(is_other).cloned().collect()
 }
 
 /// Replaces escapes such as `%20` by their characters; `None` if the result is not text.

@@ -26,7 +26,8 @@ const MAX_FILE: u64 = 64 << 20;
 pub(super) struct IesProfiles<'a> {
     buffers: &'a Buffers<'a>,
     path: &'a Path,
-    read: HashMap<usize, Arc<IntensityDistribution>>,
+    /// By index, and whether the transform of the node mirrors it.
+    read: HashMap<(usize, bool), Arc<IntensityDistribution>>,
     notes: BTreeSet<String>,
 }
 
@@ -47,7 +48,8 @@ impl<'a> IesProfiles<'a> {
         let element = format!("nodes[{}].extensions.EXT_lights_ies", node.index);
         let profiles = &self.buffers.document.extensions.ies.lights;
         let profile = get(profiles, "lights", own.light, format!("{element}.light"))?;
-        let distribution = self.profile(own.light, profile)?;
+        let is_mirrored = node.map.matrix3.determinant() < 0.0;
+        let distribution = self.profile(own.light, profile, is_mirrored)?;
         let color = Rgb::from_array(own.color.unwrap_or([1.0; 3])).clamp(Rgb::ZERO, Rgb::ONE);
         let factor = color * (own.multiplier.unwrap_or(1.0) / LUMENS_PER_WATT);
         // Written so that NaN fails.
@@ -78,8 +80,16 @@ impl<'a> IesProfiles<'a> {
         &mut self,
         index: usize,
         profile: &json::IesProfile,
+        is_mirrored: bool,
     ) -> Result<Arc<IntensityDistribution>> {
-        if let Some(read) = self.read.get(&index) {
+        if is_mirrored && !self.read.contains_key(&(index, true)) {
+            let mirrored = self.profile(index, profile, false)?.mirrored().ok_or_else(|| {
+                let element = format!("extensions.EXT_lights_ies.lights[{index}]");
+                malformed(element, "its angles are too close together")
+            })?;
+            self.read.insert((index, true), Arc::new(mirrored));
+        }
+        if let Some(read) = self.read.get(&(index, is_mirrored)) {
             return Ok(Arc::clone(read));
         }
         let element = format!("extensions.EXT_lights_ies.lights[{index}]");
@@ -101,7 +111,7 @@ impl<'a> IesProfiles<'a> {
         let read = LuminaireFile::parse_ies(&file, &bytes)?;
         self.notes.extend(read.notes.iter().map(|note| format!("{}: {note}", file.display())));
         let distribution = Arc::new(read.distribution);
-        self.read.insert(index, Arc::clone(&distribution));
+        self.read.insert((index, false), Arc::clone(&distribution));
         Ok(distribution)
     }
 }

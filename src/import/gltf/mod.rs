@@ -87,6 +87,12 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         }
     }
     builder.warnings.extend(profiles.warnings());
+    let guessed = buffers::guessed(&document, folder);
+    if !guessed.is_empty() {
+        let names = list(guessed.iter().map(String::as_str));
+        let note = format!("{shown}: found under other names the files {names}");
+        builder.warnings.push(Warning::chosen(note));
+    }
     let mut meshes = MeshReader::new(&buffers, GltfTextures::new(&buffers, folder));
     let all_maps = nodes.iter().map(|node| (node.index, node.map)).collect();
     // Place each mesh.
@@ -96,6 +102,11 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         let name = first_name([&node.json.name, name], || format!("nodes[{}]", node.index));
         let pose = Pose::new(&buffers, node, index, &all_maps)?;
         // The joints of a skin place its mesh, whatever the transform of its node is.
+        let instances = if pose.is_placed() { 1 } else { instances::count(&document, node)? };
+        builder.count_placements(instances, path).map_err(|error| {
+            let problem = format!("nodes[{}]: {}", node.index, error.problem());
+            Error::new(problem, error.advice())
+        })?;
         let maps = match pose.is_placed() {
             true => vec![DAffine3::IDENTITY],
             false => instances::maps(&buffers, node)?,

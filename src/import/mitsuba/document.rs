@@ -1,10 +1,11 @@
 //! The elements of a scene file and of the files that it includes, with all parameters substituted.
 
 use crate::base::error::{Error, Result};
+use crate::import::file_names::is_guess;
 use crate::import::text;
 use roxmltree::{Node, ParsingOptions};
-use std::cell::Cell;
-use std::collections::HashMap;
+use std::cell::{Cell, RefCell};
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 /// Maximum number of elements of all files.
@@ -19,6 +20,9 @@ const MAX_INCLUDE_DEPTH: usize = 16;
 const MAX_FILES: usize = 1000;
 /// Maximum length of an attribute with its parameters substituted, bytes.
 const MAX_VALUE: usize = 1 << 16;
+
+/// Maximum bytes of all files, and of all attributes with their parameters substituted.
+const MAX_TOTAL: usize = 1 << 28;
 
 /// A position in the files of a document.
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +59,13 @@ pub(super) struct XmlDocument {
     /// Whether the file has the format of Mitsuba 0.5 or 0.6.
     pub is_old: bool,
     sources: Vec<(PathBuf, String)>,
+    /// Offsets at which the lines of each source begin. Names of elements have their line.
+    line_starts: Vec<Vec<usize>>,
+    /// Bytes of all files, and of all attributes.
+    read: usize,
+    substituted: usize,
+    /// Names of files that were found under other names.
+    pub guessed: RefCell<BTreeSet<String>>,
     /// Folders in which files are searched.
     folders: Vec<PathBuf>,
     ids: HashMap<String, usize>,
@@ -78,8 +89,15 @@ impl XmlDocument {
     /// The elements in the scene of a file. `open` are the files that include it.
     fn file(&mut self, path: &Path, open: &mut Vec<PathBuf>) -> Result<Vec<usize>> {
         let text = text::read(path)?;
+        self.read += text.len();
+        if self.read > MAX_TOTAL {
+            let problem = format!("the files of the scene have over {} MiB", MAX_TOTAL >> 20);
+            return Err(Error::new(problem, "include each file once").at(path));
+        }
         let source = self.sources.len();
         self.sources.push((path.to_owned(), text.clone()));
+        let ends = memchr::memchr_iter(b'\n', text.as_bytes());
+        self.line_starts.push(std::iter::once(0).chain(ends.map(|end| end + 1)).collect());
         let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
         let parsed = roxmltree::Document::parse_with_options(&text, options).map_err(|e| {
             let row = e.pos().row as usize;
@@ -136,6 +154,11 @@ impl XmlDocument {
                 let value = self
                     .substituted(attribute.value())
                     .map_err(|(problem, advice)| here(self, problem, &advice))?;
+                self.substituted += value.len();
+                if self.substituted > MAX_TOTAL {
+                    let problem = format!("its values have over {} MiB so far", MAX_TOTAL >> 20);
+                    return Err(here(self, problem, "use shorter parameters"));
+                }
                 let value = if attribute.name() == "name" { modern_name(&value) } else { value };
                 attributes.push((attribute.name().to_owned(), value));
             }
@@ -238,7 +261,12 @@ impl XmlDocument {
     fn find(&self, name: &str, source: usize) -> Option<PathBuf> {
         let own = self.sources[source].0.parent().unwrap_or(Path::new(""));
         let mut folders = self.folders.iter().map(PathBuf::as_path).chain([own]);
-        folders.find_map(|folder| text::find(folder, name)).filter(|path| path.is_file())
+        let own = folders.find_map(|folder| Some((folder, text::find(folder, name)?)));
+        let (folder, path) = own.filter(|(_, path)| path.is_file())?;
+        if is_guess(folder, name, &path) {
+            self.guessed.borrow_mut().insert(name.to_owned());
+        }
+        Some(path)
     }
 
     /// Finds a file that the element of this index names.
@@ -267,8 +295,7 @@ impl XmlDocument {
     /// The element's line in its file, from 1.
     pub fn line(&self, index: usize) -> usize {
         let SourcePosition { source, offset } = self.elements[index].start;
-        let text = &self.sources[source].1;
-        text.get(..offset).map_or(1, |before| before.matches('\n').count() + 1)
+        self.line_starts[source].partition_point(|start| *start <= offset)
     }
 
     /// A problem with an element.

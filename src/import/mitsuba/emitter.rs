@@ -183,7 +183,10 @@ impl EnvironmentEmitter {
 
     /// The environment of a scene that was turned upright and, if `is_mirrored` is set, mirrored
     /// afterward.
-    pub fn environment(self, is_mirrored: bool) -> Environment {
+    ///
+    /// # Errors
+    /// If the radiance of a sky overflows.
+    pub fn environment(self, is_mirrored: bool) -> Result<Environment> {
         let swaps = is_mirrored != (self.to_world.determinant() < 0.0);
         match self.content {
             Content::Map { width, height, mut pixels } => {
@@ -192,7 +195,7 @@ impl EnvironmentEmitter {
                 }
                 // The first column of Mitsuba begins at -z, where our middle column is.
                 let turn_deg = if width > 1 { 180.0 } else { 0.0 };
-                Environment::new(width, height, pixels, turn_deg)
+                Ok(Environment::new(width, height, pixels, turn_deg))
             }
             Content::Sky(sky) => sky.environment(if swaps { MIRROR } else { DMat3::IDENTITY }, 0.0),
         }

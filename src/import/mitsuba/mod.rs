@@ -24,7 +24,7 @@ use super::builder::{Builder, SceneExtras};
 use super::instancing::MaterialMesh;
 use super::load::{LoadOptions, Loaded};
 use super::text::{list, placed_at};
-use super::warnings::replaced_environment;
+use super::warnings::{Warning, replaced_environment};
 use crate::base::error::Result;
 use crate::settings::PartialSettings;
 use bsdf::BsdfCache;
@@ -112,6 +112,12 @@ impl SceneReader<'_> {
         self.warn_of_unused(document);
         let Self { mut builder, paints, path, .. } = self;
         builder.warnings.extend(paints.warnings.into_warnings(&shown));
+        let guessed = document.guessed.borrow();
+        if !guessed.is_empty() {
+            let names = list(guessed.iter().map(String::as_str));
+            let note = format!("{shown}: found under other names the files {names}");
+            builder.warnings.push(Warning::chosen(note));
+        }
         builder.arrange(path)?;
         let (camera, resolution) = match (&sensor, &chosen) {
             (Some(sensor), Some(object)) => {
@@ -124,7 +130,14 @@ impl SceneReader<'_> {
         let mut extras = SceneExtras { defaults, default_light: false, filling_medium, ..extras };
         match (environment, &extras.environment) {
             (Some(_), Some(_)) => builder.warnings.push(replaced_environment(path)),
-            (own, None) => extras.environment = own.map(|own| own.environment(is_mirrored)),
+            (own, None) => {
+                let own = own.map(|own| own.environment(is_mirrored)).transpose();
+                extras.environment =
+                    own.map_err(|error| match lights.iter().find(|light| is_environment(light)) {
+                        Some(light) => light.error(error.problem(), error.advice()),
+                        None => error,
+                    })?;
+            }
             (None, Some(_)) => {}
         }
         let names = sensors.iter().map(Object::label).collect();
@@ -193,7 +206,10 @@ impl SceneReader<'_> {
             }
         };
         let count = parts.iter().map(|part| part.mesh.triangles.len() as u64).sum();
-        self.builder.count(count, 0, self.path)?;
+        let placed = self.builder.count(count, 0, self.path);
+        let placed =
+            placed.and_then(|()| self.builder.count_placements(parts.len() as u64, self.path));
+        placed.map_err(|error| object.error(error.problem(), error.advice()))?;
         let transform = self.transform(object, world * map, flip)?;
         let placed = self.builder.place(Some(&name), &parts, &transform);
         placed.ok_or_else(|| out_of_range(object))

@@ -6,7 +6,7 @@ use crate::import::text::read_bytes;
 use crate::scene::Mesh;
 use flate2::read::ZlibDecoder;
 use glam::{Vec2, Vec3};
-use std::io::Read;
+use std::io::{BufReader, Read};
 use std::path::Path;
 
 /// The first two bytes of a shape.
@@ -19,6 +19,8 @@ const COLORS: u32 = 8;
 const FLAT: u32 = 16;
 /// Numbers of 64 bits.
 const DOUBLE: u32 = 0x2000;
+/// Maximum length of the name of a shape, bytes.
+const MAX_NAME: usize = 1 << 16;
 /// Largest accepted file, bytes.
 const MAX_FILE: u64 = 1 << 34;
 
@@ -52,10 +54,13 @@ fn parse(bytes: &[u8], index: usize) -> Parsed<SerializedShape> {
         let found = format!("it begins with {magic:#06x}, version {version}");
         return Err(format!("{found}, not 0x041c and 3 or 4"));
     }
-    let mut stream = ShapeStream(ZlibDecoder::new(&bytes[begin + 4..]));
+    let mut stream = ShapeStream(BufReader::new(ZlibDecoder::new(&bytes[begin + 4..])));
     let flags = u32::from_le_bytes(stream.array()?);
     if version == 4 {
-        while stream.array::<1>()? != [0] {} // the name
+        let mut rest = 0..MAX_NAME;
+        while stream.array::<1>()? != [0] {
+            rest.next().ok_or("the name of a shape has no end")?;
+        }
     }
     let vertices = stream.count()?;
     let triangles = stream.count()?;
@@ -110,7 +115,7 @@ fn offset(bytes: &[u8], index: usize) -> Parsed<usize> {
 }
 
 /// The numbers in a compressed stream.
-struct ShapeStream<'a>(ZlibDecoder<&'a [u8]>);
+struct ShapeStream<'a>(BufReader<ZlibDecoder<&'a [u8]>>);
 
 impl ShapeStream<'_> {
     fn array<const N: usize>(&mut self) -> Parsed<[u8; N]> {

@@ -13,7 +13,9 @@ use crate::base::math::Rgb;
 use crate::import::curves::{CurveBasis, add_tube, remove_empty};
 use crate::import::instancing::MaterialMesh;
 use crate::import::paint::Paint;
-use crate::import::ply;
+use crate::import::ply::{self, PlyUse, VDirection};
+use crate::import::text;
+use crate::import::warnings::Warning;
 use crate::scene::transform::Transform;
 use crate::scene::{Material, MediumBoundary, Mesh, NormalMap};
 use glam::{Affine2, DAffine3, DMat3, DVec3, DVec4, Vec2, Vec3};
@@ -153,7 +155,8 @@ impl SceneReader<'_> {
         {
             return Ok(known.clone());
         }
-        let (mut meshes, has_normals) = read(object, &key, &mut self.obj_files)?;
+        let (mut meshes, has_normals) =
+            read(object, &key, &mut self.obj_files, &mut self.builder.warnings)?;
         for mesh in &mut meshes {
             if key.is_flat {
                 mesh.normals.clear();
@@ -168,6 +171,9 @@ impl SceneReader<'_> {
                 *uv = Vec2::new(own.x, 1.0 - own.y);
             }
         }
+        let stored = meshes.iter().map(|mesh| mesh.triangles.len() as u64).sum();
+        let stored = self.builder.count(0, stored, self.path);
+        stored.map_err(|error| object.error(error.problem(), error.advice()))?;
         let all = meshes.into_iter().map(Arc::new).collect();
         let meshes = ShapeMeshes { all, has_normals };
         if flips.is_none() {
@@ -264,12 +270,17 @@ struct Surface<'a> {
 }
 
 /// Reads meshes, with smooth normals if they have none, and whether the file has normals.
-fn read(object: &Object, key: &MeshKey, obj_files: &mut ObjFiles) -> Result<(Vec<Mesh>, bool)> {
+fn read(
+    object: &Object,
+    key: &MeshKey,
+    obj_files: &mut ObjFiles,
+    warnings: &mut Vec<Warning>,
+) -> Result<(Vec<Mesh>, bool)> {
     let (path, index) = match &key.source {
         ShapeSource::Formula { shape, is_lamp } => return Ok((vec![shape.mesh(*is_lamp)], true)),
         ShapeSource::File(path, index) => (path, *index),
         ShapeSource::Curves(path, basis, scale) => {
-            return Ok((vec![curves(object, path, *basis, f64::from_bits(*scale))?], true));
+            return Ok((vec![curves(path, *basis, f64::from_bits(*scale))?], true));
         }
     };
     let (mut meshes, mut is_flat) = (Vec::new(), key.is_flat);
@@ -279,7 +290,12 @@ fn read(object: &Object, key: &MeshKey, obj_files: &mut ObjFiles) -> Result<(Vec
             let file = obj_files.take(path)?;
             meshes.extend(file.meshes.into_iter().map(|part| Arc::unwrap_or_clone(part.mesh)));
         }
-        "ply" => meshes.push(ply::read(path, ply::VDirection::Down)?),
+        "ply" => {
+            let wanted = PlyUse { v_direction: VDirection::Down, has_colors: false };
+            let file = ply::read(path, wanted)?;
+            warnings.extend(file.warnings);
+            meshes.push(file.mesh);
+        }
         _ => {
             let shape = serialized::read(path, index)?;
             is_flat |= shape.is_flat;
@@ -303,18 +319,17 @@ fn read(object: &Object, key: &MeshKey, obj_files: &mut ObjFiles) -> Result<(Vec
 
 /// The curves of a file, which has a line of a position and a radius for each control point, and empty lines between
 /// curves.
-fn curves(object: &Object, path: &Path, basis: CurveBasis, scale: f64) -> Result<Mesh> {
-    let text = std::fs::read_to_string(path).map_err(|problem| {
-        Error::new(format!("the curves cannot be read: {problem}"), "check the file").at(path)
-    })?;
+fn curves(path: &Path, basis: CurveBasis, scale: f64) -> Result<Mesh> {
+    let bytes = text::read_lines(path)?;
+    let text = text::decoded(&bytes);
     let mut mesh = Mesh::default();
     let mut points: Vec<DVec4> = Vec::new();
     for (number, line) in text.lines().chain([""]).enumerate() {
         if !line.trim().is_empty() {
             let numbers: Vec<f64> = line.split_whitespace().map_while(|w| w.parse().ok()).collect();
             let [x, y, z, radius] = numbers[..] else {
-                let problem = format!("line {} of its file is not four numbers", number + 1);
-                return Err(object.error(problem, "give a position and a radius"));
+                let error = Error::new("this is not four numbers", "give a position and a radius");
+                return Err(error.at(path).line(number + 1, line));
             };
             points.push(DVec4::new(x, y, z, radius));
             continue;

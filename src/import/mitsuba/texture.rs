@@ -19,9 +19,20 @@ const UNSUPPORTED_TEXTURE: &str = "used gray instead of textures that are not su
 /// The pictures of a scene, each read once, and the warnings about all elements.
 #[derive(Default)]
 pub(super) struct Paints {
-    /// By file and whether its numbers are linear: the factor of the picture, and the picture.
-    read: HashMap<(PathBuf, bool), (Rgb, Texture)>,
+    /// By file and use: the factor of the picture, and the picture.
+    read: HashMap<(PathBuf, PictureUse), (Rgb, Texture)>,
     pub warnings: GroupedWarnings,
+}
+
+/// Meaning of the numbers of a picture file.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum PictureUse {
+    /// Codes of colors.
+    Color,
+    /// Linear colors, which become codes.
+    Linear,
+    /// Other numbers, which stay as they are.
+    Stored,
 }
 
 impl Paints {
@@ -104,7 +115,7 @@ impl Paints {
             return Ok(None);
         }
         let sampling = sampling(object)?;
-        let (_, texture) = self.read(&object.file()?, false)?;
+        let (_, texture) = self.read(&object.file()?, PictureUse::Stored)?;
         let _ = object.boolean("raw")?;
         Ok(Some((Arc::new(texture.sampled(sampling)), to_uv(object)?)))
     }
@@ -114,13 +125,14 @@ impl Paints {
         // Old files set a gamma of 1 for linear numbers.
         let is_linear =
             object.boolean("raw")?.unwrap_or(false) || object.float("gamma")? == Some(1.0);
-        let (color, texture) = self.read(&object.file()?, is_linear)?;
+        let wanted = if is_linear { PictureUse::Linear } else { PictureUse::Color };
+        let (color, texture) = self.read(&object.file()?, wanted)?;
         let texture = Some(Arc::new(texture.sampled(sampling)));
         Ok(Paint { color, texture, to_uv: to_uv(object)? })
     }
 
-    fn read(&mut self, path: &Path, is_linear: bool) -> Result<(Rgb, Texture)> {
-        let key = (path.to_owned(), is_linear);
+    fn read(&mut self, path: &Path, wanted: PictureUse) -> Result<(Rgb, Texture)> {
+        let key = (path.to_owned(), wanted);
         if let Some(known) = self.read.get(&key) {
             return Ok(known.clone());
         }
@@ -131,12 +143,12 @@ impl Paints {
             }
             picture([width, height], &pixels)
         } else {
-            let texture = Texture::load(path)?;
-            match is_linear {
-                true => picture_of(&texture, |[r, g, b, _]| {
+            match wanted {
+                PictureUse::Color => (Rgb::ONE, Texture::load_colors(path)?),
+                PictureUse::Stored => (Rgb::ONE, Texture::load(path)?),
+                PictureUse::Linear => picture_of(&Texture::load(path)?, |[r, g, b, _]| {
                     Rgb::new(f32::from(r), f32::from(g), f32::from(b)) / 255.0
                 }),
-                false => (Rgb::ONE, texture),
             }
         };
         self.read.insert(key, made.clone());

@@ -8,6 +8,7 @@ use crate::base::math::Rgb;
 use crate::import::scene_file::material::{DEFAULT_IOR, dielectric};
 use crate::scene::bsdf::{Bsdf, Coated, Conductor, Glossy, Reflectance};
 use crate::scene::{Material, NormalMap, Texture};
+use glam::Affine2;
 use std::sync::Arc;
 
 /// A nonmetal whose roughness (`Pr`) is below this value gets a smooth coat.
@@ -44,6 +45,12 @@ pub(in crate::import) struct MtlMaterial {
     pub emission_texture: Option<Arc<Texture>>,
     /// `norm`: tangent-space normal map.
     pub normal_texture: Option<Arc<Texture>>,
+    /// `-bm` of `norm`: factor of the slope of the normal map.
+    pub normal_scale: Option<f32>,
+    /// `Tf`: factor of light that crosses the surface.
+    pub filter: Option<Rgb>,
+    /// `-s` and `-o` of the first texture.
+    pub to_uv: Option<Affine2>,
 }
 
 /// Properties of a material that its BSDF does not represent.
@@ -53,6 +60,8 @@ pub(in crate::import) struct Ignored {
     pub highlight: bool,
     /// Whether an opacity of 0 was ignored, which some exporters write for visible surfaces.
     pub transparency: bool,
+    /// Whether a transmission filter was ignored.
+    pub filter: bool,
 }
 
 impl MtlMaterial {
@@ -70,7 +79,8 @@ impl MtlMaterial {
             opacity: self
                 .opacity
                 .filter(|opacity| !glass && (f32::MIN_POSITIVE..1.0).contains(opacity)),
-            normal_map: normal_map.map(|texture| NormalMap { texture, scale: 1.0 }),
+            normal_map: normal_map
+                .map(|texture| NormalMap { texture, scale: self.normal_scale.unwrap_or(1.0) }),
             emission_texture: self.emission_texture.clone(),
             ..Material::new(&self.name, bsdf)
         };
@@ -99,7 +109,11 @@ impl MtlMaterial {
         match self.model {
             // Models with refraction, and glass.
             Some(4 | 6 | 7 | 9) if has_ior => {
-                (dielectric(ior, alpha, Rgb::ONE), Ignored::default())
+                // Some programs write a filter of 0 for clear glass.
+                let filter = self.filter.filter(|own| *own != Rgb::ZERO);
+                let ignored =
+                    Ignored { filter: self.filter == Some(Rgb::ZERO), ..Ignored::default() };
+                (dielectric(ior, alpha, filter.unwrap_or(Rgb::ONE).min(Rgb::ONE)), ignored)
             }
             // Models with ray-traced reflection.
             Some(3 | 5 | 8) if diffuse == Rgb::ZERO && alpha == 0.0 => {

@@ -1,18 +1,31 @@
 //! Reads material libraries (MTL).
 
+mod map;
 pub(super) mod material;
+mod notes;
+mod textures;
 
 use super::lines::Lines;
-use super::text::{find, list, problems, read_lines, split_keyword};
+use super::text::{read_lines, split_keyword};
 use super::warnings::Warning;
 use crate::base::error::Result;
 use crate::base::math::Rgb;
+use crate::scene::Material;
 use crate::scene::bsdf::Bsdf;
-use crate::scene::{Material, Texture};
+use glam::Affine2;
 use material::MtlMaterial;
-use std::collections::{BTreeMap, BTreeSet};
+use notes::Notes;
+use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
+use textures::TextureReader;
+
+/// A material of a library.
+#[derive(Clone, Debug)]
+pub(super) struct LibraryMaterial {
+    pub material: Material,
+    /// Map from the texture coordinates of meshes to those of the material's pictures.
+    pub to_uv: Affine2,
+}
 
 /// Albedo of a material whose file gives none.
 pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
@@ -29,13 +42,15 @@ pub(super) fn grey(name: &str) -> Material {
 /// If the file cannot be read, or a color is malformed.
 pub(super) fn load(
     path: &Path,
-    materials: &mut BTreeMap<String, Material>,
+    materials: &mut BTreeMap<String, LibraryMaterial>,
     notes: &mut Vec<Warning>,
 ) -> Result<()> {
     let text = read_lines(path)?;
     let mut lines = Lines::new(path, &text);
     let mut current: Option<MtlMaterial> = None;
     let mut ignored = Notes::default();
+    let mut textures = TextureReader::new(path.parent().unwrap_or(Path::new("")));
+    let maps = ["norm", "bump", "disp", "decal", "refl"];
     while lines.advance()? {
         let line = lines.text();
         let (keyword, rest) = split_keyword(&line);
@@ -52,9 +67,14 @@ pub(super) fn load(
             current = Some(MtlMaterial { name: rest.to_owned(), ..MtlMaterial::default() });
             continue;
         }
-        let known = ["Kd", "Ks", "Ke", "Ns", "Ni", "d", "Tr", "illum", "Pr", "Pm"];
-        let is_map = keyword.starts_with("map_") || keyword == "norm";
-        if !known.contains(&keyword) && !is_map {
+        if keyword.is_empty() || keyword.starts_with('#') {
+            continue;
+        }
+        let map = maps.contains(&keyword) || keyword.starts_with("map_");
+        if !(map || KNOWN.contains(&keyword)) {
+            if !INVISIBLE.contains(&keyword) && ignored.unknown.len() < MAX_UNKNOWN {
+                ignored.unknown.insert(keyword.to_owned());
+            }
             continue;
         }
         let Some(material) = &mut current else {
@@ -73,92 +93,30 @@ pub(super) fn load(
             "Pm" => material.metalness = Some(number(&lines, rest, 0.0, 1.0)?),
             "d" => material.opacity = Some(number(&lines, rest, 0.0, 1.0)?),
             "Tr" => material.opacity = Some(1.0 - number(&lines, rest, 0.0, 1.0)?),
+            // Some programs write a spectrum or a color in XYZ.
+            "Tf" => material.filter = color(&lines, rest).ok().filter(|own| own.is_finite()),
             "illum" => material.model = Some(number(&lines, rest, 0.0, 10.0)? as u8),
             _ => {}
         }
-        let map = match keyword {
-            "map_Kd" => Some(&mut material.albedo_texture),
-            "map_d" => Some(&mut material.opacity_texture),
-            "map_Ke" => Some(&mut material.emission_texture),
-            "norm" => Some(&mut material.normal_texture),
-            _ => None,
-        };
-        match map {
-            Some(map) if !rest.is_empty() && !rest.starts_with('-') => match texture(path, rest) {
-                Some(Ok(texture)) => *map = Some(texture),
-                Some(Err(error)) => {
-                    *map = None;
-                    ignored.unreadable.insert(format!("{rest}: {}", error.problem()));
-                }
-                None => {
-                    *map = None;
-                    ignored.missing.insert(rest.to_owned());
-                }
-            },
-            _ if is_map => drop(ignored.textures.insert(material.name.clone())),
-            _ => {}
+        if map {
+            textures.add(keyword, rest, material, &mut ignored);
         }
     }
     if let Some(done) = current {
         ignored.finish(done, materials);
     }
-    if !ignored.unreadable.is_empty() {
-        let all = problems(ignored.unreadable.iter().map(String::as_str));
-        let note = format!("{}: ignored some textures: {all}", path.display());
-        notes.push(Warning::skipped(note));
-    }
-    for (names, what) in [
-        (ignored.twice, "all but the last definition of"),
-        (ignored.missing, "some textures, for there are no files"),
-        (ignored.textures, "some textures (of another use, or with options) of"),
-        (ignored.highlights, "the highlights (`Ks` with `Kd`) of"),
-        (ignored.transparent, "the opacity of 0 of"),
-    ] {
-        if !names.is_empty() {
-            let names = list(names.iter().map(String::as_str));
-            let note = format!("{}: ignored {what} {names}", path.display());
-            notes.push(Warning::skipped(note));
-        }
-    }
+    ignored.into_warnings(path, notes);
     Ok(())
 }
 
-/// Names of the materials and textures that warnings mention.
-#[derive(Default)]
-struct Notes {
-    /// Materials with several definitions.
-    twice: BTreeSet<String>,
-    /// Textures that do not exist.
-    missing: BTreeSet<String>,
-    /// Textures that cannot be read, each with the reason.
-    unreadable: BTreeSet<String>,
-    /// Materials with textures of an unsupported kind.
-    textures: BTreeSet<String>,
-    /// Materials whose highlight was ignored.
-    highlights: BTreeSet<String>,
-    /// Materials whose opacity of 0 was ignored.
-    transparent: BTreeSet<String>,
-}
+/// Records without a texture that are read.
+const KNOWN: [&str; 11] = ["Kd", "Ks", "Ke", "Ns", "Ni", "d", "Tr", "Tf", "illum", "Pr", "Pm"];
 
-impl Notes {
-    /// Adds a material after its last record.
-    fn finish(&mut self, records: MtlMaterial, materials: &mut BTreeMap<String, Material>) {
-        let (material, ignored) = records.material();
-        if ignored.highlight {
-            self.highlights.insert(material.name.clone());
-        }
-        if ignored.transparency {
-            self.transparent.insert(material.name.clone());
-        }
-        materials.insert(material.name.clone(), material);
-    }
-}
+/// Records that do not change the image: ambient light, and the sharpness of reflections of maps.
+const INVISIBLE: [&str; 4] = ["Ka", "Km", "sharpness", "newmtl"];
 
-/// Loads the texture of this file name. Returns `None` if there is no such file.
-fn texture(library: &Path, name: &str) -> Option<Result<Arc<Texture>>> {
-    let path = find(library.parent().unwrap_or(Path::new("")), name)?;
-    Some(Texture::load(&path).map(Arc::new))
-}
+/// Maximum number of unknown records in the warning.
+const MAX_UNKNOWN: usize = 8;
 
 /// Parses a number within bounds and ignores the rest of the line.
 fn number(lines: &Lines, text: &str, low: f32, high: f32) -> Result<f32> {

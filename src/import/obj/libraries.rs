@@ -1,10 +1,10 @@
 //! Finds and loads the material libraries that an OBJ file names.
 
 use crate::base::error::Result;
-use crate::import::mtl;
+use crate::import::file_names::is_guess;
+use crate::import::mtl::{self, LibraryMaterial};
 use crate::import::text::{find, list};
 use crate::import::warnings::Warning;
-use crate::scene::Material;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -23,19 +23,27 @@ impl Library {
     pub(super) fn load(
         &self,
         obj: &Path,
-        materials: &mut BTreeMap<String, Material>,
+        materials: &mut BTreeMap<String, LibraryMaterial>,
         notes: &mut Vec<Warning>,
     ) -> Result<()> {
         let folder = obj.parent().unwrap_or(Path::new(""));
+        let mut found = |name: &str, path: &Path| {
+            if is_guess(folder, name, path) {
+                let (obj, line, path) = (obj.display(), self.line, path.display());
+                let note = format!("{obj}:{line}: read `{path}` as the material library `{name}`");
+                notes.push(Warning::chosen(note));
+            }
+            mtl::load(path, materials, notes)
+        };
         if let Some(path) = find(folder, &self.names) {
-            return mtl::load(&path, materials, notes);
+            return found(&self.names, &path);
         }
         let mut missing = Vec::new();
         let mut is_any_found = false;
         for name in self.names.split_whitespace() {
             match find(folder, name) {
                 Some(path) => {
-                    mtl::load(&path, materials, notes)?;
+                    found(name, &path)?;
                     is_any_found = true;
                 }
                 None => missing.push(name),

@@ -8,12 +8,14 @@
 
 mod libraries;
 mod normalize;
-mod polygon;
+pub(super) mod polygon;
 
+use super::mtl::LibraryMaterial;
+use super::ply::PlyFile;
 use super::text::{list, read_lines};
 use super::warnings::Warning;
 use crate::base::error::{Error, Result};
-use crate::scene::{Material, Mesh};
+use crate::scene::Mesh;
 use glam::{Vec2, Vec3};
 use normalize::{Normalized, Part, normalize};
 use polygon::Cutter;
@@ -42,18 +44,18 @@ pub(super) struct ObjFile {
     /// Nonempty meshes, in the order in which they begin in the file.
     pub meshes: Vec<ObjMesh>,
     /// Materials by name.
-    pub materials: BTreeMap<String, Material>,
+    pub materials: BTreeMap<String, LibraryMaterial>,
     /// Warnings about ignored content.
     pub notes: Vec<Warning>,
 }
 
 impl ObjFile {
     /// Wraps the only mesh of a file that names no materials.
-    pub(super) fn of(mesh: Mesh, path: &Path) -> Self {
+    pub(super) fn of(file: PlyFile, path: &Path) -> Self {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let mesh = Arc::new(Mesh { name, ..mesh });
+        let mesh = Arc::new(Mesh { name, ..file.mesh });
         let meshes = vec![ObjMesh { mesh, material: None }];
-        Self { meshes, materials: BTreeMap::new(), notes: Vec::new() }
+        Self { meshes, materials: BTreeMap::new(), notes: file.warnings }
     }
 
     /// Wraps a mesh in memory, which names no materials.
@@ -83,7 +85,8 @@ pub(super) fn load(path: &Path) -> Result<ObjFile> {
     let mut notes = Vec::new();
     let mut skip =
         |text: String| notes.push(Warning::skipped(format!("{}: {text}", path.display())));
-    let Normalized { ignored_elements, invalid_references, invalid_numbers, .. } = normalized;
+    let Normalized { ignored_elements, invalid_references, invalid_numbers, unsmoothed, .. } =
+        normalized;
     for (count, what) in [
         (ignored_elements, "points, lines or curves"),
         (invalid_references, "references to texture coordinates or normals that do not exist"),
@@ -92,6 +95,9 @@ pub(super) fn load(path: &Path) -> Result<ObjFile> {
         if count > 0 {
             skip(format!("ignored {count} {what}"));
         }
+    }
+    if unsmoothed > 0 {
+        skip(format!("{unsmoothed} faces of smoothing groups (`s`) are flat without normals"));
     }
     if !normalized.unknown.is_empty() {
         let words = normalized.unknown.iter().map(|(word, line)| format!("{word} (line {line})"));

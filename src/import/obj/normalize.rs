@@ -33,7 +33,7 @@ const CHUNK: usize = 1 << 16;
 const MAX_UNKNOWN: usize = 8;
 
 /// Records that do not affect triangles.
-const IRRELEVANT: &str = "s vp mg cstype deg bmat step parm trim hole scrv sp end con bevel c_interp \
+const IRRELEVANT: &str = "vp mg cstype deg bmat step parm trim hole scrv sp end con bevel c_interp \
     d_interp lod usemap maplib shadow_obj trace_obj ctech stech";
 
 /// A vector besides positions.
@@ -80,6 +80,8 @@ pub(super) struct Normalized {
     pub invalid_references: u64,
     /// Number of texture coordinates and components of normals that were replaced by 0.
     pub invalid_numbers: u64,
+    /// Number of faces of a smoothing group without normals.
+    pub unsmoothed: u64,
     /// The first unknown keywords, each with the line of its first use.
     pub unknown: BTreeMap<String, usize>,
 }
@@ -128,6 +130,8 @@ struct Normalizer {
     /// Name and material of the next face.
     name: String,
     material: Option<String>,
+    /// Whether the next face belongs to a smoothing group.
+    is_smooth: bool,
     /// Faces by part, except for those of the first one.
     faces: Vec<Vec<u8>>,
     part_index: HashMap<Part, usize>,
@@ -157,6 +161,9 @@ impl Normalizer {
                 self.current = None;
             }
             b"mtllib" => self.library(lines, rest)?,
+            b"s" => {
+                self.is_smooth = !matches!(without_comment(rest).trim_ascii(), b"off" | b"0" | b"")
+            }
             b"p" | b"l" | b"curv" | b"curv2" | b"surf" => self.result.ignored_elements += 1,
             b"" | [b'#', ..] => {}
             known if IRRELEVANT.split(' ').any(|word| word.as_bytes() == known) => {}
@@ -291,6 +298,7 @@ impl Normalizer {
         let [uvs, normals] =
             [1, 2].map(|kind| face.iter().filter(|corner| corner[kind] > 0).count());
         let format = Format { uvs: uvs == face.len(), normals: normals == face.len() };
+        result.unsmoothed += u64::from(self.is_smooth && !format.normals);
         is_verbatim &= (uvs == 0 || format.uvs) && (normals == 0 || format.normals);
         let index = self.part(format);
         let Self { face, text, faces, .. } = self;

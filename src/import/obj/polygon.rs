@@ -4,7 +4,7 @@
 use glam::{DVec2, DVec3, Vec2Swizzles, Vec3};
 
 /// Maximum number of corners of a polygon whose ears are clipped. The time grows with its square.
-pub(super) const LARGEST: usize = 1024;
+pub(in crate::import) const LARGEST: usize = 1024;
 
 /// Maximum depth of a dent, relative to its length, that counts as a straight edge with rounded
 /// coordinates.
@@ -12,7 +12,7 @@ const DENT: f64 = 1e-3;
 
 /// Cuts polygons, one after another.
 #[derive(Debug, Default)]
-pub(super) struct Cutter {
+pub(in crate::import) struct Cutter {
     /// Points of the current polygon in space.
     points: Vec<DVec3>,
     /// Points of the polygon in the plane, counterclockwise.

@@ -5,12 +5,12 @@ use super::SceneReader;
 use super::camera::{CameraSource, FilmSource};
 use super::lights::AreaLight;
 use super::materials::{MaterialRef, MaterialSource};
-use super::params::Params;
+use super::params::{Attributes, Params};
 use super::spectra::ColorSpace;
 use super::state::{self, GraphicsState};
 use super::tokens::{Location, Token, Tokens};
-use crate::base::error::{Error, Result};
-use crate::import::text::{RELATIVE_NAME, find};
+use crate::base::error::Result;
+use crate::import::text::RELATIVE_NAME;
 use glam::{DAffine3, DVec3};
 use std::path::Path;
 use std::rc::Rc;
@@ -24,7 +24,7 @@ const MAX_SAVED: usize = 100_000;
 impl SceneReader<'_> {
     /// Reads all directives of a file.
     pub(super) fn read(&mut self, path: &Path) -> Result<()> {
-        let mut tokens = Tokens::read(path)?;
+        let mut tokens = self.files.tokens(path)?;
         let saved = self.saved.len();
         while let Some((token, offset)) = tokens.next()? {
             let location = tokens.location(offset);
@@ -35,9 +35,9 @@ impl SceneReader<'_> {
             };
             self.directive(&directive, &location, &mut tokens)?;
         }
-        if self.saved.len() > saved && self.depth == 0 {
+        if let Some((_, begin)) = self.saved.get(saved).filter(|_| self.depth == 0) {
             let problem = "the file ends within AttributeBegin or ObjectBegin";
-            return Err(Error::new(problem, "add AttributeEnd or ObjectEnd").at(path));
+            return Err(begin.error(problem, "add AttributeEnd or ObjectEnd"));
         }
         Ok(())
     }
@@ -148,14 +148,16 @@ impl SceneReader<'_> {
                     let problem = "an object cannot use another one";
                     return Err(location.error(problem, "move the use behind ObjectEnd"));
                 }
-                let params = Params::read(name.clone(), location.clone(), tokens, &[])?;
+                let params =
+                    Params::read(name.clone(), location.clone(), tokens, Attributes::default())?;
                 let map = self.state.invertible(&params)?;
                 self.uses.push((name, params, map));
             }
             "Attribute" => {
                 let target = text(tokens, location)?;
-                let params = Params::read(target.clone(), location.clone(), tokens, &[])?;
-                self.state.attributes.entry(target).or_default().extend(params.into_all());
+                let params =
+                    Params::read(target.clone(), location.clone(), tokens, Attributes::default())?;
+                self.state.add(&target, params)?;
             }
             "NamedMaterial" => {
                 let name = text(tokens, location)?;
@@ -208,18 +210,18 @@ impl SceneReader<'_> {
             let advice = "use directives of pbrt-v4; pbrt's --upgrade converts files of pbrt-v3";
             return Err(location.error(format!("the directive `{directive}` is unknown"), advice));
         }
-        let added = target.map_or(&[][..], |(_, target)| self.state.added(target)).to_vec();
+        let added = target.map(|(_, target)| self.state.added(target)).unwrap_or_default();
         if directive == "Option" {
-            Params::read(String::new(), location.clone(), tokens, &[])?;
+            Params::read(String::new(), location.clone(), tokens, Attributes::default())?;
             return Ok(());
         }
         let kind = text(tokens, location)?;
         if directive == "Texture" {
             let (value_type, class) = (text(tokens, location)?, text(tokens, location)?);
-            let params = Params::read(class, location.clone(), tokens, &added)?;
+            let params = Params::read(class, location.clone(), tokens, added)?;
             return self.textures.define(&kind, &value_type, &params, self.state.color_space);
         }
-        let params = Params::read(kind, location.clone(), tokens, &added)?;
+        let params = Params::read(kind, location.clone(), tokens, added)?;
         self.object_with(directive, params)
     }
 
@@ -295,12 +297,12 @@ impl SceneReader<'_> {
             let problem = "too many attributes are nested";
             return Err(location.error(problem, "end some of them"));
         }
-        self.saved.push(self.state.clone());
+        self.saved.push((self.state.clone(), location.clone()));
         Ok(())
     }
 
     fn restored(&mut self, directive: &str, location: &Location) -> Result<GraphicsState> {
-        self.saved.pop().ok_or_else(|| {
+        self.saved.pop().map(|(state, _)| state).ok_or_else(|| {
             let problem = format!("{directive} has no beginning");
             location.error(problem, "remove it, or add AttributeBegin")
         })
@@ -309,7 +311,9 @@ impl SceneReader<'_> {
     /// Reads another file, whose name is relative to the folder of the scene.
     fn include(&mut self, directive: &str, location: &Location, tokens: &mut Tokens) -> Result<()> {
         let name = text(tokens, location)?;
-        let path = find(&self.textures.folder, &name)
+        let path = self
+            .textures
+            .located(&name)
             .ok_or_else(|| location.error(format!("there is no file `{name}`"), RELATIVE_NAME))?;
         if self.depth >= MAX_DEPTH {
             let problem = format!("more than {MAX_DEPTH} files include each other");
@@ -318,7 +322,7 @@ impl SceneReader<'_> {
         self.depth += 1;
         // Attributes of an imported file have no effect behind it.
         let own = (directive == "Import").then(|| self.state.clone());
-        self.read(&path)?;
+        self.read(&path).map_err(|error| location.place(error))?;
         if let Some(own) = own {
             self.state = own;
         }

@@ -6,6 +6,7 @@ use super::textures::Textures;
 use crate::base::error::Result;
 use crate::base::math::Rgb;
 use crate::import::mitsuba::color::ColorUse;
+use crate::import::text::list;
 use crate::scene::{Medium, MediumBoundary};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -50,6 +51,11 @@ impl Media {
             asymmetry: params.float_in("g", 0.0, [-0.999, 0.999])? as f32,
             priority: 0,
         };
+        let unused: Vec<&str> = params.unused().collect();
+        if !unused.is_empty() {
+            let phrase = format!("ignored {} of the medium", list(unused));
+            textures.warnings.skipped(phrase, &params.kind);
+        }
         self.0.insert(params.kind.clone(), Some(Arc::new(medium)));
         Ok(())
     }

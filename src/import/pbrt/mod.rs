@@ -42,6 +42,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 use textures::{Textures, stored_shares};
+use tokens::{Location, SourceFiles};
 
 /// Loads a scene as seen by its camera, else by one that sees everything.
 ///
@@ -59,6 +60,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         material_index: HashMap::new(),
         state: GraphicsState::new(),
         saved: Vec::new(),
+        files: SourceFiles::default(),
         systems: HashMap::new(),
         objects: HashMap::new(),
         object: None,
@@ -94,8 +96,9 @@ struct SceneReader<'a> {
     /// Index of a material by its look, and the bits of what depends on the shape.
     material_index: HashMap<(usize, u32), u32>,
     state: GraphicsState,
-    /// States that `AttributeBegin` and `ObjectBegin` save.
-    saved: Vec<GraphicsState>,
+    /// States that `AttributeBegin` and `ObjectBegin` save, and where.
+    saved: Vec<(GraphicsState, Location)>,
+    files: SourceFiles,
     /// Transforms that `CoordinateSystem` names.
     systems: HashMap<String, DAffine3>,
     /// Shapes of each object.
@@ -233,7 +236,10 @@ impl SceneReader<'_> {
         params: &Params,
     ) -> Result<()> {
         let count = parts.iter().map(|part| part.mesh.triangles.len() as u64).sum();
-        self.builder.count(count, 0, self.path)?;
+        let placed = self.builder.count(count, 0, self.path);
+        let placed =
+            placed.and_then(|()| self.builder.count_placements(parts.len() as u64, self.path));
+        placed.map_err(|error| params.error(error.problem(), error.advice()))?;
         let transform = invertible(map, params)?;
         let placed = self.builder.place(Some(name), parts, &transform);
         placed.ok_or_else(|| out_of_range(params))
@@ -252,6 +258,8 @@ impl SceneReader<'_> {
         let Some(mut mesh) = shapes::mesh(params, lamp.is_some(), &mut self.textures)? else {
             return Ok(Vec::new());
         };
+        let stored = self.builder.count(0, mesh.triangles.len() as u64, self.path);
+        stored.map_err(|error| params.error(error.problem(), error.advice()))?;
         let (look, number) = self.materials.look(&state.material, params, &mut self.textures)?;
         let alpha = self.textures.varying(params, "alpha")?;
         let _ = params.get("shadowalpha");
@@ -353,8 +361,12 @@ impl SceneReader<'_> {
             Some(camera) => Some(camera.camera(world, &self.film, &mut self.textures)?),
             None => None,
         };
+        if let Some(params) = self.camera.as_ref().map(|camera| camera.params.clone()) {
+            self.warn_of_unused(&params);
+        }
         let Self { mut builder, textures, film, media, camera_medium, .. } = self;
         builder.warnings.extend(textures.warnings.into_warnings(&path.display().to_string()));
+        builder.warnings.extend(textures.file_warnings);
         builder.arrange(path)?;
         let camera = match camera {
             Some(camera) => camera,

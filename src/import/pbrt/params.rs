@@ -3,7 +3,8 @@
 use super::tokens::{Location, Token, Tokens};
 use crate::base::error::{Error, Result};
 use glam::{DVec3, Vec2, Vec3};
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
+use std::rc::Rc;
 
 /// A typed value of a parameter.
 #[derive(Clone, Default)]
@@ -31,15 +32,22 @@ pub(super) struct Params {
     pub kind: String,
     pub location: Location,
     all: Vec<Param>,
+    /// Parameters of `Attribute` directives, after the own ones.
+    added: Attributes,
+    /// Indices of the added parameters that were asked for. Many directives share these.
+    used: RefCell<Vec<usize>>,
 }
 
+/// Parameters that `Attribute` adds to the directives that follow, which share them.
+pub(super) type Attributes = Rc<Vec<Rc<Param>>>;
+
 impl Params {
-    /// Reads all parameters that follow in a file; `defaults` are those of `Attribute` directives.
+    /// Reads all parameters that follow in a file; `added` are those of `Attribute` directives.
     pub fn read(
         kind: String,
         location: Location,
         tokens: &mut Tokens,
-        defaults: &[Param],
+        added: Attributes,
     ) -> Result<Self> {
         let mut all = Vec::new();
         while let Some((Token::Text(head), offset)) = tokens.peek()? {
@@ -55,9 +63,7 @@ impl Params {
             let (kind, name, used) = (kind.to_owned(), name.to_owned(), Cell::new(false));
             all.push(Param { kind, name, values, location, used });
         }
-        // The own parameters of a directive precede.
-        all.extend(defaults.iter().cloned());
-        Ok(Self { kind, location, all })
+        Ok(Self { kind, location, all, added, used: RefCell::default() })
     }
 
     /// The same parameters of another type of object.
@@ -80,15 +86,23 @@ impl Params {
 
     /// The parameter of this name.
     pub fn get(&self, name: &str) -> Option<&Param> {
-        let found = self.all.iter().find(|param| param.name == name)?;
-        // All of this name were considered.
-        self.all.iter().filter(|param| param.name == name).for_each(|param| param.used.set(true));
-        Some(found)
+        // All of this name are considered. The own parameters of a directive precede.
+        let own = self.all.iter().filter(|param| param.name == name);
+        own.for_each(|param| param.used.set(true));
+        let added = self.added.iter().enumerate().filter(|(_, param)| param.name == name);
+        self.used.borrow_mut().extend(added.clone().map(|(index, _)| index));
+        let own = self.all.iter().find(|param| param.name == name);
+        own.or_else(|| added.map(|(_, param)| &**param).next())
     }
 
     /// Names of the parameters that nothing asked for.
     pub fn unused(&self) -> impl Iterator<Item = &str> {
-        self.all.iter().filter(|param| !param.used.get()).map(|param| &param.name[..])
+        let own = self.all.iter().filter(|param| !param.used.get());
+        let used = self.used.borrow().clone();
+        let added = self.added.iter().enumerate();
+        let added =
+            added.filter(move |(index, _)| !used.contains(index)).map(|(_, param)| &**param);
+        own.chain(added).map(|param| &param.name[..])
     }
 
     /// One number.

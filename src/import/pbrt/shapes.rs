@@ -6,9 +6,11 @@ use super::params::Params;
 use super::subdivision;
 use super::textures::Textures;
 use crate::base::error::Result;
+use crate::base::memory::available_memory;
 use crate::import::curves::{self, CurveBasis};
 use crate::import::mitsuba::analytic::{area, grid};
-use crate::import::ply::{self, VDirection};
+use crate::import::ply::{self, PlyUse, VDirection};
+use crate::import::text::check_memory;
 use crate::scene::Mesh;
 use glam::{DVec4, Vec2, Vec3};
 use std::f32::consts::TAU;
@@ -34,6 +36,21 @@ pub(super) fn mesh(
             let triangles = triangles(params, positions.len())?;
             let levels = params.float_in("levels", 3.0, [0.0, 8.0])? as u32;
             let _ = params.text("scheme")?;
+            let made = subdivision::triangle_count(triangles.len(), levels);
+            let needed = made as f64 * subdivision::TRIANGLE_BYTES;
+            check_memory(needed, available_memory()).map_err(|problem| {
+                let problem =
+                    format!("{levels} levels make {made} triangles, which take {problem}");
+                params.error(problem, "lower `levels`")
+            })?;
+            if made > subdivision::MAX_TRIANGLES {
+                let problem = format!("{levels} levels make {made} triangles");
+                let advice = format!(
+                    "lower `levels`: at most {} triangles are made",
+                    subdivision::MAX_TRIANGLES
+                );
+                return Err(params.error(problem, advice));
+            }
             subdivision::limit_surface(&positions, &triangles, levels).ok_or_else(|| {
                 params.error("an edge has more than two triangles", "repair the mesh")
             })?
@@ -48,8 +65,9 @@ pub(super) fn mesh(
                     textures.warnings.skipped("left out the displacement of", name);
                 }
             }
-            let mut mesh = ply::read(&path, VDirection::Up)?;
-            mesh.colors.clear();
+            let wanted = PlyUse { v_direction: VDirection::Up, has_colors: false };
+            let ply::PlyFile { mut mesh, warnings } = ply::read(&path, wanted)?;
+            textures.file_warnings.extend(warnings);
             mesh.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             mesh
         }

@@ -3,6 +3,7 @@
 use super::params::{Param, Params};
 use crate::base::error::{Error, Result};
 use crate::base::math::{Rgb, luminance};
+use crate::import::file_names::find_exact;
 use crate::import::mitsuba::color::{ColorUse, spectral};
 use crate::import::mitsuba::metals;
 use crate::import::text;
@@ -158,7 +159,8 @@ fn unzip(pairs: &[f64]) -> (Vec<f64>, Vec<f64>) {
 
 /// Pairs of a file.
 fn file(param: &Param, name: &str, folder: &Path) -> Result<(Vec<f64>, Vec<f64>)> {
-    let Some(path) = text::find(folder, name) else {
+    // Names of spectra are no files, so only exact names are.
+    let Some(path) = find_exact(folder, name) else {
         let problem = format!("there is neither a spectrum nor a file `{name}`");
         return Err(param.location.error(problem, text::RELATIVE_NAME));
     };
@@ -169,7 +171,9 @@ fn file(param: &Param, name: &str, folder: &Path) -> Result<(Vec<f64>, Vec<f64>)
         .flat_map(|line| line.split([' ', '\t', ',', '\r']))
         .filter(|word| !word.is_empty());
     let numbers: Option<Vec<f64>> = words.map(|word| word.parse().ok()).collect();
-    let numbers = numbers.filter(|numbers| !numbers.is_empty()).ok_or_else(|| {
+    let is_list =
+        |numbers: &Vec<f64>| !numbers.is_empty() && numbers.iter().all(|number| number.is_finite());
+    let numbers = numbers.filter(is_list).ok_or_else(|| {
         Error::new("this is not a list of numbers", "give pairs of wavelength and value").at(&path)
     })?;
     Ok(unzip(&numbers))

@@ -2,13 +2,16 @@
 
 use super::lights::AreaLight;
 use super::materials::MaterialRef;
-use super::params::{Param, Params};
+use super::params::{Attributes, Params};
 use super::spectra::ColorSpace;
 use super::tokens::Location;
 use crate::base::error::{Error, Result};
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 use std::collections::BTreeMap;
 use std::rc::Rc;
+
+/// Maximum number of parameters that `Attribute` adds to a target. Nested states may copy the list.
+const MAX_ATTRIBUTES: usize = 256;
 
 /// Attributes of the shapes and lights that follow.
 #[derive(Clone)]
@@ -24,7 +27,7 @@ pub(super) struct GraphicsState {
     /// Transforms apply to the start of the shutter interval.
     pub changes_start: bool,
     /// Parameters that `Attribute` adds, by target: `shape`, `light`, `material`, `medium` or `texture`.
-    pub attributes: BTreeMap<String, Vec<Param>>,
+    pub attributes: BTreeMap<String, Attributes>,
 }
 
 impl GraphicsState {
@@ -56,8 +59,20 @@ impl GraphicsState {
     }
 
     /// Parameters that `Attribute` adds to directives of a target.
-    pub fn added(&self, target: &str) -> &[Param] {
-        self.attributes.get(target).map_or(&[], Vec::as_slice)
+    pub fn added(&self, target: &str) -> Attributes {
+        self.attributes.get(target).cloned().unwrap_or_default()
+    }
+
+    /// Adds parameters of an `Attribute` directive.
+    pub fn add(&mut self, target: &str, params: Params) -> Result<()> {
+        let location = params.location.clone();
+        let all = Rc::make_mut(self.attributes.entry(target.to_owned()).or_default());
+        all.extend(params.into_all().into_iter().map(Rc::new));
+        if all.len() > MAX_ATTRIBUTES {
+            let problem = format!("Attribute adds more than {MAX_ATTRIBUTES} parameters");
+            return Err(location.error(problem, "write them in the directives that use them"));
+        }
+        Ok(())
     }
 
     /// The current transform, if it is finite and has an inverse.

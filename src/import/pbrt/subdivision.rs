@@ -5,6 +5,17 @@ use glam::Vec3;
 use std::collections::HashMap;
 use std::f32::consts::TAU;
 
+/// Peak memory per triangle of the result, bytes: the rings of its vertices and the edges.
+pub(super) const TRIANGLE_BYTES: f64 = 700.0;
+
+/// Maximum number of triangles of the result, which take some seconds.
+pub(super) const MAX_TRIANGLES: u64 = 1 << 22;
+
+/// Number of triangles after `levels` subdivisions.
+pub(super) fn triangle_count(triangles: usize, levels: u32) -> u64 {
+    (triangles as u64).saturating_mul(4_u64.saturating_pow(levels))
+}
+
 /// Neighbors of each vertex, in order around it, and whether it is on a boundary.
 struct Rings {
     neighbors: Vec<Vec<u32>>,

@@ -6,12 +6,13 @@ use super::spectra::{self, ColorSpace};
 use crate::base::error::Result;
 use crate::base::math::Rgb;
 use crate::import::environment;
+use crate::import::file_names::is_guess;
 use crate::import::load::extension;
 use crate::import::mitsuba::color::ColorUse;
 use crate::import::paint::{Paint, picture, picture_of};
-use crate::import::text::{RELATIVE_NAME, find};
+use crate::import::text::{RELATIVE_NAME, find, list};
 use crate::import::texture_file::linear_color;
-use crate::import::warnings::GroupedWarnings;
+use crate::import::warnings::{GroupedWarnings, Warning};
 use crate::scene::{Sampling, Texture, Wrap};
 use glam::{Affine2, Mat2, Vec2};
 use std::collections::HashMap;
@@ -36,6 +37,8 @@ pub(super) struct Textures {
     /// By file and encoding: the factor of the picture, and the picture.
     read: HashMap<(PathBuf, String), (Rgb, Texture)>,
     pub warnings: GroupedWarnings,
+    /// Warnings about other files.
+    pub file_warnings: Vec<Warning>,
 }
 
 impl Textures {
@@ -46,6 +49,7 @@ impl Textures {
             colors: HashMap::new(),
             read: HashMap::new(),
             warnings: GroupedWarnings::default(),
+            file_warnings: Vec::new(),
         }
     }
 
@@ -66,6 +70,13 @@ impl Textures {
             }
         };
         let paint = self.make(name, params, space, is_float)?;
+        // Nothing of other types is read, as its own warning says.
+        let is_known =
+            matches!(&params.kind[..], "constant" | "scale" | "mix" | "checkerboard" | "imagemap");
+        let unused: Vec<&str> = params.unused().filter(|_| is_known).collect();
+        if !unused.is_empty() {
+            self.warnings.skipped(format!("ignored {} of the texture", list(unused)), name);
+        }
         if is_float {
             self.floats.insert(name.to_owned(), paint);
         } else {
@@ -176,9 +187,18 @@ impl Textures {
     }
 
     /// The picture in a file, relative to the scene.
-    pub fn find(&self, params: &Params, name: &str) -> Result<PathBuf> {
-        find(&self.folder, name)
-            .ok_or_else(|| params.error(format!("there is no file `{name}`"), RELATIVE_NAME))
+    pub fn find(&mut self, params: &Params, name: &str) -> Result<PathBuf> {
+        let missing = || params.error(format!("there is no file `{name}`"), RELATIVE_NAME);
+        self.located(name).ok_or_else(missing)
+    }
+
+    /// A file of the scene, if there is one.
+    pub fn located(&mut self, name: &str) -> Option<PathBuf> {
+        let path = find(&self.folder, name)?;
+        if is_guess(&self.folder, name, &path) {
+            self.warnings.chosen("found under other names the files", name);
+        }
+        Some(path)
     }
 
     /// An emission texture: a picture as colors.
@@ -189,7 +209,7 @@ impl Textures {
     }
 
     /// A picture of numbers instead of colors, as it is stored.
-    pub fn data(&self, params: &Params, name: &str) -> Result<Arc<Texture>> {
+    pub fn data(&mut self, params: &Params, name: &str) -> Result<Arc<Texture>> {
         Ok(Arc::new(Texture::load(&self.find(params, name)?)?))
     }
 

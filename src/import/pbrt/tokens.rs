@@ -1,22 +1,83 @@
 //! Words, numbers, quoted texts and brackets of a scene file, with their places.
 
 use crate::base::error::{Error, Result};
-use crate::import::text;
-use flate2::read::MultiGzDecoder;
+use crate::import::growth::Growth;
+use crate::import::{gzip, text};
+use std::collections::HashMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// Largest accepted file after decompression, bytes.
-const MAX_FILE: u64 = 8 << 30;
-
 /// Longest accepted word or quoted text, bytes.
 const MAX_WORD: usize = 1 << 16;
+
+/// The content of a file compressed by gzip.
+fn decompressed(path: &Path, compressed: &[u8]) -> Result<Vec<u8>> {
+    /// Bytes between two checks of the memory.
+    const STEP: u64 = 1 << 20;
+    let mut decoder = gzip::decoder(compressed, compressed.len() as u64);
+    let (mut plain, mut growth) = (Vec::new(), Growth::default());
+    loop {
+        let read = decoder.by_ref().take(STEP).read_to_end(&mut plain).map_err(|e| {
+            let problem = format!("cannot decompress it: {e}");
+            Error::new(problem, "compress it again by gzip").at(path)
+        })?;
+        if read == 0 {
+            text::unify_line_ends(&mut plain);
+            return Ok(plain);
+        }
+        growth.add(read as u64).map_err(|problem| {
+            let problem = format!("decompressing it takes {problem}");
+            Error::new(problem, "split the scene").at(path)
+        })?;
+    }
+}
 
 /// A file of a scene.
 pub(super) struct SourceFile {
     pub path: PathBuf,
     text: Vec<u8>,
+}
+
+/// Maximum bytes of files that are included again. Scenes place a shape several times by
+/// `ObjectInstance`; nested includes would grow without bound.
+const MAX_REPEATED: u64 = 1 << 28;
+
+/// Maximum number of includes, far more than any scene has.
+const MAX_INCLUDES: usize = 100_000;
+
+/// Files of a scene, each read once however often it is included.
+#[derive(Default)]
+pub(super) struct SourceFiles {
+    read: HashMap<PathBuf, Rc<SourceFile>>,
+    /// Bytes of files that were included again.
+    repeated: u64,
+    includes: usize,
+}
+
+impl SourceFiles {
+    /// The tokens of a file, which may be compressed by gzip.
+    pub fn tokens(&mut self, path: &Path) -> Result<Tokens> {
+        self.includes += 1;
+        let full = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let file = match self.read.get(&full) {
+            Some(file) => {
+                self.repeated += file.text.len() as u64;
+                file.clone()
+            }
+            None => {
+                let read = Tokens::read(path)?.file;
+                self.read.insert(full, read.clone());
+                read
+            }
+        };
+        if self.repeated > MAX_REPEATED || self.includes > MAX_INCLUDES {
+            let (mib, count) = (self.repeated >> 20, self.includes);
+            let problem = format!("{count} includes repeat {mib} MiB of files");
+            return Err(Error::new(problem, "include each file once"));
+        }
+        Ok(Tokens { file, position: 0, ahead: None })
+    }
 }
 
 /// A place in a file, for errors.
@@ -69,20 +130,9 @@ pub(super) struct Tokens {
 }
 
 impl Tokens {
-    /// Reads a file, which may be compressed by gzip.
-    pub fn read(path: &Path) -> Result<Self> {
+    fn read(path: &Path) -> Result<Self> {
         let text = text::read_lines(path)?;
-        let text = if text.starts_with(&[0x1f, 0x8b]) {
-            let mut plain = Vec::new();
-            let decoder = MultiGzDecoder::new(&text[..]);
-            decoder.take(MAX_FILE).read_to_end(&mut plain).map_err(|e| {
-                let problem = format!("cannot decompress it: {e}");
-                Error::new(problem, "compress it again by gzip").at(path)
-            })?;
-            plain
-        } else {
-            text
-        };
+        let text = if text.starts_with(&gzip::MAGIC) { decompressed(path, &text)? } else { text };
         Ok(Self::new(path, text))
     }
 

@@ -3,9 +3,9 @@
 //! Intensities are in cd per 1000 lm of the lamps. The lamps are those of the first set. Intensities are multiplied by
 //! the conversion factor of line 24. Headers, dimensions of the housing, ratios and utilization factors have no effect.
 
-use super::LuminaireFile;
 use super::opening::OpeningShape;
 use super::planes::Planes;
+use super::{LuminaireFile, check_values};
 use crate::base::error::{Error, Result};
 use crate::import::text::decoded;
 use crate::scene::Photometry;
@@ -105,6 +105,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<LuminaireFile> {
     let planes = fields.count("the number of planes (line 4)", 1.0)?;
     fields.number("the distance between planes (line 5)")?;
     let angles = fields.count("the number of angles in a plane (line 6)", 2.0)?;
+    check_values(planes * angles).map_err(|[problem, advice]| fields.error(problem, &advice))?;
     fields.number("the distance between angles (line 7)")?;
     fields.skip(1)?;
     let name = fields.text("the name of the luminaire (line 9)")?.to_owned();

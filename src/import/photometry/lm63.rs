@@ -4,9 +4,9 @@
 //! Read are the tilt, the candela multiplier, the ballast factor, the luminous opening and the candela values.
 //! Keywords other than `LUMINAIRE` have no effect.
 
-use super::LuminaireFile;
 use super::opening::OpeningShape;
 use super::planes::Planes;
+use super::{LuminaireFile, check_values};
 use crate::base::error::{Error, Result};
 use crate::import::text::{decoded, read_bytes};
 use crate::scene::Photometry;
@@ -158,6 +158,8 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<LuminaireFile> {
     let multiplier = words.number("the candela multiplier")?;
     let vertical = words.count("the number of vertical angles", 2)?;
     let horizontal = words.count("the number of horizontal angles", 1)?;
+    check_values(vertical * horizontal)
+        .map_err(|[problem, advice]| words.error(problem, &advice))?;
     let photometry = match words.number("the photometric type")? {
         1.0 => Photometry::C,
         2.0 => Photometry::B,

@@ -20,6 +20,18 @@ pub use write::{LuminaireDescription, write_eulumdat, write_lm63};
 /// Largest accepted file, bytes: distributions of 0.1 degrees in both angles fit.
 const MAX_FILE: u64 = 64 << 20;
 
+/// Maximum number of intensities of a file: distributions of 0.1 degrees in both angles fit.
+const MAX_VALUES: usize = 1 << 23;
+
+/// Refuses more intensities than [`MAX_VALUES`], by a problem and its advice.
+fn check_values(count: usize) -> std::result::Result<(), [String; 2]> {
+    if count <= MAX_VALUES {
+        return Ok(());
+    }
+    let advice = format!("give fewer angles: at most {MAX_VALUES} intensities are read");
+    Err([format!("there are {count} intensities"), advice])
+}
+
 /// The contents of a photometric file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LuminaireFile {

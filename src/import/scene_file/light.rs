@@ -1,7 +1,7 @@
 //! `[[light]]` of a scene file, in radiometric or photometric units.
 
 use super::Point;
-use super::luminaire::LuminaireTable;
+use super::luminaire::{LuminaireFiles, LuminaireTable};
 use super::numbers::NonNegative;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
@@ -58,9 +58,13 @@ pub(in crate::import) enum TableLight {
 
 impl LightTable {
     /// The light; files are in `folder`.
-    pub(in crate::import) fn light(&self, folder: &Path) -> Result<TableLight> {
+    pub(in crate::import) fn light(
+        &self,
+        folder: &Path,
+        files: &mut LuminaireFiles,
+    ) -> Result<TableLight> {
         if let Self::Luminaire(table) = self {
-            let (luminaire, notes) = table.luminaire(folder)?;
+            let (luminaire, notes) = table.luminaire(folder, files)?;
             return Ok(TableLight::Luminaire(luminaire, notes));
         }
         self.emitter().map(TableLight::Emitter)

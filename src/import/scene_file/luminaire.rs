@@ -8,8 +8,11 @@ use crate::base::photometry::LUMENS_PER_WATT;
 use crate::import::luminaires::{PlacedLuminaire, frame};
 use crate::import::photometry::{LuminaireFile, OpeningShape};
 use crate::import::text::RELATIVE_NAME;
+use crate::scene::IntensityDistribution;
 use serde::Deserialize;
-use std::path::Path;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A `[[light]]` of the type `luminaire`.
 #[derive(Debug, Deserialize)]
@@ -46,14 +49,35 @@ enum OpeningChoice {
     Point,
 }
 
+/// Photometric files of a scene, each read once however many luminaires it describes.
+#[derive(Default)]
+pub(in crate::import) struct LuminaireFiles(
+    HashMap<PathBuf, (LuminaireFile, Arc<IntensityDistribution>)>,
+);
+
+impl LuminaireFiles {
+    fn read(&mut self, path: &Path) -> Result<&(LuminaireFile, Arc<IntensityDistribution>)> {
+        if !self.0.contains_key(path) {
+            let file = LuminaireFile::read(path)?;
+            let distribution = Arc::new(file.distribution.clone());
+            self.0.insert(path.to_owned(), (file, distribution));
+        }
+        Ok(&self.0[path])
+    }
+}
+
 impl LuminaireTable {
     /// Reads the file, and places the luminaire.
-    pub fn luminaire(&self, folder: &Path) -> Result<(PlacedLuminaire, Vec<String>)> {
+    pub fn luminaire(
+        &self,
+        folder: &Path,
+        files: &mut LuminaireFiles,
+    ) -> Result<(PlacedLuminaire, Vec<String>)> {
         let path = folder.join(&self.file);
         if !path.is_file() {
             return Err(Error::new(format!("there is no file `{}`", self.file), RELATIVE_NAME));
         }
-        let read = LuminaireFile::read(&path)?;
+        let (read, distribution) = files.read(&path)?;
         let direction = self.direction.map(|direction| direction.0.as_dvec3());
         let c0 = self.c0.map(|c0| c0.0.as_dvec3());
         let axes = frame(direction, c0, self.turn_deg)?;
@@ -90,7 +114,7 @@ impl LuminaireTable {
         let position = self.position.0;
         let luminaire = PlacedLuminaire {
             name,
-            distribution: read.distribution.into(),
+            distribution: Arc::clone(distribution),
             opening,
             axes,
             position,

@@ -243,7 +243,7 @@ impl MaterialTable {
             MaterialKind::Glossy => Bsdf::Glossy(Glossy::new(albedo, metallic, eta, alpha)),
         };
         let default = if self.emission_texture.is_some() { Rgb::ONE } else { Rgb::ZERO };
-        let mut texture = |key| self.texture(key, textures);
+        let mut texture = |key, is_color| self.texture(key, textures, is_color);
         let dispersion = match self.kind {
             MaterialKind::Dielectric => {
                 let [inside, outside] = indices;
@@ -254,12 +254,12 @@ impl MaterialTable {
         Ok(Material {
             dispersion,
             emission: self.emission.map_or(default, |emission| emission.0),
-            albedo_texture: texture(&self.albedo_texture)?,
-            metallic_roughness_texture: texture(&self.metallic_roughness_texture)?,
-            opacity_texture: texture(&self.opacity_texture)?,
+            albedo_texture: texture(&self.albedo_texture, true)?,
+            metallic_roughness_texture: texture(&self.metallic_roughness_texture, false)?,
+            opacity_texture: texture(&self.opacity_texture, false)?,
             opacity: self.opacity.map(|opacity| opacity.0),
-            normal_map: self.normal_map(texture(&self.normal_texture)?)?,
-            emission_texture: texture(&self.emission_texture)?,
+            normal_map: self.normal_map(texture(&self.normal_texture, false)?)?,
+            emission_texture: texture(&self.emission_texture, true)?,
             hidden_from_camera: self.hidden,
             boundary: medium::boundary([&self.interior, &self.exterior], media)?,
             ..Material::new(name, bsdf)
@@ -333,12 +333,13 @@ impl MaterialTable {
         &self,
         key: &Option<Spanned<TextureTable>>,
         textures: &mut TomlTextures,
+        is_color: bool,
     ) -> Result<Option<Arc<Texture>>, Misplaced> {
         let Some(key) = key else { return Ok(None) };
         let TextureTable { file, wrap, filter } = key.get_ref();
         let wrap = wrap.or(self.texture_wrap).map_or([Wrap::Repeat; 2], |wraps| wraps.0);
         let nearest = filter.or(self.texture_filter) == Some(FilterKind::Nearest);
-        let texture = textures.get(file, Sampling { wrap, nearest });
+        let texture = textures.get(file, Sampling { wrap, nearest }, is_color);
         texture.map(Some).map_err(|error| (error, key.span().start))
     }
 

@@ -16,7 +16,7 @@ use super::load::extension;
 use super::text::RELATIVE_NAME;
 use crate::base::error::{Error, Result};
 use crate::scene::transform::{MAX_COORDINATE, Transform};
-use crate::scene::{Camera, MeterSet};
+use crate::scene::{Camera, MAX_METERS, MeterSet};
 use crate::settings::{ADVICE, FixedArray, PartialSettings, as_serde};
 use camera::CameraTable;
 use environment::EnvironmentTable;
@@ -272,9 +272,15 @@ pub(in crate::import) fn meter_sets(
     text: &str,
     tables: &[Spanned<MeterTable>],
 ) -> Result<Vec<MeterSet>> {
+    let mut left = MAX_METERS;
     let set = |(number, table): (usize, &Spanned<MeterTable>)| {
         let place = |error: Error| error.at(path).at_offset(text, table.span().start);
-        table.get_ref().set(number).map_err(place)
+        let own = table.get_ref().set(number).map_err(place)?;
+        left = left.checked_sub(own.meters.len() as u64).ok_or_else(|| {
+            let problem = format!("the tables up to here have over {MAX_METERS} meters");
+            place(Error::new(problem, "give fewer columns and rows"))
+        })?;
+        Ok(own)
     };
     (1..).zip(tables).map(set).collect()
 }

@@ -99,7 +99,7 @@ impl SkyTable {
             dome: (sky_scale != Rgb::ZERO).then_some((model, sky_scale)),
             sun: (radiance != Rgb::ZERO).then_some(sun),
         };
-        Ok(sky.environment(DMat3::IDENTITY, self.turn_deg))
+        sky.environment(DMat3::IDENTITY, self.turn_deg)
     }
 
     /// Refuses keys of other models.
@@ -165,7 +165,7 @@ impl SkyTable {
         if toward.y < 0.0 {
             let height = toward.y.asin().to_degrees();
             let problem = format!("the sun is {:.1} degrees below the horizon", -height);
-            return Err(Error::new(problem, "give another time or direction"));
+            return Err(Error::new(problem, "change `hour`, `date` or `sun_direction`"));
         }
         Ok(toward)
     }

@@ -83,7 +83,8 @@ impl<'de> Deserialize<'de> for TextureTable {
 /// The textures of a scene file, each read once however many materials use it.
 pub(in crate::import) struct TomlTextures<'a> {
     folder: &'a Path,
-    read: HashMap<PathBuf, Texture>,
+    /// By path, and whether the texture holds colors.
+    read: HashMap<(PathBuf, bool), Texture>,
 }
 
 impl<'a> TomlTextures<'a> {
@@ -93,19 +94,25 @@ impl<'a> TomlTextures<'a> {
     }
 
     /// The texture in this file. Textures of one file share its texels.
-    pub fn get(&mut self, file: &str, sampling: Sampling) -> Result<Arc<Texture>, Error> {
+    pub fn get(
+        &mut self,
+        file: &str,
+        sampling: Sampling,
+        is_color: bool,
+    ) -> Result<Arc<Texture>, Error> {
         let path = self.folder.join(file);
         let advice = "give a PNG or JPEG file relative to the folder of the scene file";
         let failed = |problem: String| Error::new(problem, advice);
         if !path.is_file() {
             return Err(failed(format!("there is no texture `{file}`")));
         }
-        let read = match self.read.get(&path) {
+        let key = (path.clone(), is_color);
+        let read = match self.read.get(&key) {
             Some(read) => read.clone(),
             None => {
-                let read = Texture::load(&path)
-                    .map_err(|e| failed(format!("`{file}`: {}", e.problem())))?;
-                self.read.insert(path, read.clone());
+                let load = if is_color { Texture::load_colors } else { Texture::load };
+                let read = load(&path).map_err(|e| failed(format!("`{file}`: {}", e.problem())))?;
+                self.read.insert(key, read.clone());
                 read
             }
         };

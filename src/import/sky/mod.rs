@@ -10,6 +10,7 @@ pub(super) use hosek_wilkie::{HosekWilkie, cone, sun_irradiance};
 pub(super) use luminance_distribution::LuminanceDistribution;
 pub(super) use sun_position::{PlaceAndTime, eccentricity};
 
+use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::scene::{Environment, Inset, InsetGrid};
 use glam::{DMat3, DVec3};
@@ -24,12 +25,12 @@ pub(super) const SUN_HALF_ANGLE: f64 = 0.5 * 0.5358 * PI / 180.0;
 const WIDTH: u32 = 2048;
 /// Height of the map, pixels.
 const HEIGHT: u32 = WIDTH / 2;
-/// Samples across and down each pixel of the map.
+/// Samples of the dome across and down each pixel.
 const MAP_SAMPLES: u32 = 2;
 
 /// Pixels of the inset across the sun.
 const SUN_PIXELS: f64 = 64.0;
-/// Samples across and down each pixel of the inset.
+/// Samples of the sun across and down each pixel of the inset.
 const INSET_SAMPLES: u32 = 8;
 /// Maximum width and height of the inset, pixels.
 const MOST_PIXELS: u32 = 2048;
@@ -62,57 +63,110 @@ pub(super) struct Sky {
 
 impl Sky {
     /// Radiance from a unit direction, W/(m^2 sr).
+    #[cfg(test)]
     pub fn radiance(&self, direction: DVec3) -> Rgb {
+        let is_sun = self.sun.is_some_and(|sun| sun.contains(direction));
+        let sun = self.sun.filter(|_| is_sun && direction.y >= 0.0);
+        self.dome_radiance(direction) + sun.map_or(Rgb::ZERO, |sun| sun.radiance)
+    }
+
+    /// Radiance without the sun from a unit direction, W/(m^2 sr).
+    fn dome_radiance(&self, direction: DVec3) -> Rgb {
         if direction.y < 0.0 {
             return Rgb::ZERO;
         }
-        let dome = match &self.dome {
+        match &self.dome {
             Some((SkyModel::HosekWilkie(model), scale)) => model.radiance(direction) * *scale,
             Some((SkyModel::Distribution(model), scale)) => {
                 model.radiance(direction) as f32 * *scale
             }
             None => Rgb::ZERO,
-        };
-        let sun = self.sun.filter(|sun| {
-            // Distances are exact for small angles, cosines are not.
-            (direction - sun.toward).length() <= 2.0 * (0.5 * sun.half_angle).sin()
-        });
-        dome + sun.map_or(Rgb::ZERO, |sun| sun.radiance)
+        }
     }
 
     /// The map of the sky as seen from a scene, whose directions `to_sky` turns or mirrors into the frame of the sky
     /// while +y stays up. The sun is an inset of finer pixels.
-    pub fn environment(&self, to_sky: DMat3, turn_deg: f32) -> Environment {
+    ///
+    /// # Errors
+    /// If a radiance overflows.
+    pub fn environment(&self, to_sky: DMat3, turn_deg: f32) -> Result<Environment> {
         let whole = InsetGrid { first: [0, 0], replaced: [WIDTH, HEIGHT], size: [WIDTH, HEIGHT] };
-        let without_sun = Self { sun: None, ..self.clone() };
-        let pixels = without_sun.pixels(&whole, MAP_SAMPLES, to_sky);
+        let pixels = self.pixels(&whole, None, to_sky);
         let inset = self.sun.map(|sun| {
             let grid = around(&SunDisc { toward: to_sky.transpose() * sun.toward, ..sun });
-            Inset { grid, radiance: self.pixels(&grid, INSET_SAMPLES, to_sky) }
+            Inset { grid, radiance: self.pixels(&grid, Some(sun), to_sky) }
         });
-        Environment::with_inset(WIDTH, HEIGHT, pixels, turn_deg, inset)
+        let finer = inset.iter().flat_map(|inset| &inset.radiance);
+        if !pixels.iter().chain(finer).all(|radiance| radiance.is_finite()) {
+            let problem = "the radiance of the sky or of its sun overflows";
+            return Err(Error::new(
+                problem,
+                "lower `sky_scale` or `sun_scale`, or the irradiances",
+            ));
+        }
+        Ok(Environment::with_inset(WIDTH, HEIGHT, pixels, turn_deg, inset))
     }
 
-    /// Means of the radiance over the pixels of a grid, W/(m^2 sr).
-    fn pixels(&self, grid: &InsetGrid, samples: u32, to_sky: DMat3) -> Vec<Rgb> {
+    /// Means of the radiance over the pixels of a grid, W/(m^2 sr). Many samples are taken only
+    /// where the edge of the sun crosses a pixel, because the dome is smooth.
+    fn pixels(&self, grid: &InsetGrid, sun: Option<SunDisc>, to_sky: DMat3) -> Vec<Rgb> {
         let [width, height] = grid.size;
         let step = [0, 1].map(|i| f64::from(grid.replaced[i]) / f64::from(grid.size[i]));
-        let shifts = || (0..samples).map(|i| (f64::from(i) + 0.5) / f64::from(samples));
+        let direction = |row: u32, column: u32, [right, down]: [f64; 2]| {
+            let x = f64::from(grid.first[0]) + (f64::from(column) + right) * step[0];
+            let y = f64::from(grid.first[1]) + (f64::from(row) + down) * step[1];
+            to_sky * direction_at([x, y])
+        };
+        let mean = |row: u32, column: u32, samples: u32, value: &dyn Fn(DVec3) -> DVec3| {
+            let shift = |i: u32| (f64::from(i) + 0.5) / f64::from(samples);
+            let one =
+                |i: u32| value(direction(row, column, [shift(i % samples), shift(i / samples)]));
+            (0..samples * samples).map(one).sum::<DVec3>() / f64::from(samples * samples)
+        };
+        let dome = |direction: DVec3| self.dome_radiance(direction).as_dvec3();
         let pixel = |row: u32, column: u32| {
-            let mut sum = DVec3::ZERO;
-            for down in shifts() {
-                for right in shifts() {
-                    let x = f64::from(grid.first[0]) + (f64::from(column) + right) * step[0];
-                    let y = f64::from(grid.first[1]) + (f64::from(row) + down) * step[1];
-                    sum += self.radiance(to_sky * direction_at([x, y])).as_dvec3();
-                }
+            let mut sum = mean(row, column, MAP_SAMPLES, &dome);
+            if let Some(sun) = sun.filter(|_| self.may_meet(row, column, &direction)) {
+                let own = |direction: DVec3| {
+                    let is_sun = direction.y >= 0.0 && sun.contains(direction);
+                    if is_sun { sun.radiance.as_dvec3() } else { DVec3::ZERO }
+                };
+                sum += mean(row, column, INSET_SAMPLES, &own);
             }
-            (sum / f64::from(samples * samples)).as_vec3()
+            sum.as_vec3()
         };
         let rows = (0..height).into_par_iter();
         rows.flat_map_iter(|row| (0..width).map(move |column| (row, column)))
             .map(|(row, column)| pixel(row, column))
             .collect()
+    }
+
+    /// Whether the sun may cover a part of a pixel: the ball around its center that holds its
+    /// corners meets the disc.
+    fn may_meet(
+        &self,
+        row: u32,
+        column: u32,
+        direction: &dyn Fn(u32, u32, [f64; 2]) -> DVec3,
+    ) -> bool {
+        let center = direction(row, column, [0.5, 0.5]);
+        let corners = [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]];
+        let reach = corners.map(|at| direction(row, column, at).distance(center));
+        let reach = 1.01 * reach.into_iter().fold(0.0, f64::max);
+        self.sun.is_some_and(|sun| center.distance(sun.toward) <= sun.chord() + reach)
+    }
+}
+
+impl SunDisc {
+    /// Distance of the edge from the center on the unit sphere.
+    fn chord(&self) -> f64 {
+        2.0 * (0.5 * self.half_angle).sin()
+    }
+
+    /// Whether it covers a unit direction.
+    fn contains(&self, direction: DVec3) -> bool {
+        // Distances are exact for small angles, cosines are not.
+        direction.distance(self.toward) <= self.chord()
     }
 }
 

@@ -6,7 +6,7 @@
 //! Directions are in the frame of the luminaire: it hangs with -z down, and x and y are horizontal.
 
 use glam::DVec3;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// Coordinates of a distribution, as IES LM-63 and LM-75 name them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -117,6 +117,30 @@ impl IntensityDistribution {
             flux.push(flux[row] + ring_integral(line, angle[0], angle[1]).max(0.0));
         }
         Some(Self { photometry, polar, azimuth, values, rings, flux })
+    }
+
+    /// The distribution of a luminaire whose y axis is mirrored, as by a transform with a negative
+    /// determinant. `None` if rounding makes angles equal that nearly were.
+    pub fn mirrored(&self) -> Option<Self> {
+        let columns = self.azimuth.len();
+        let rows = self.values.chunks(columns);
+        let (polar, azimuth, values) = match self.photometry {
+            // The pole is y. Rounding may leave the range by its tolerance.
+            Photometry::B => {
+                let polar = self.polar.iter().rev().map(|angle| (PI - angle).max(0.0)).collect();
+                (polar, self.azimuth.clone(), rows.rev().flatten().copied().collect())
+            }
+            // Azimuths are about x, or begin there. Those of type C begin within the first turn.
+            Photometry::A | Photometry::C => {
+                let last = self.azimuth[columns - 1];
+                let turns =
+                    if self.photometry == Photometry::C { (last / TAU).ceil() } else { 0.0 };
+                let azimuth = self.azimuth.iter().rev().map(|angle| turns * TAU - angle).collect();
+                let values = rows.flat_map(|row| row.iter().rev()).copied().collect();
+                (self.polar.clone(), azimuth, values)
+            }
+        };
+        Self::new(self.photometry, polar, azimuth, values)
     }
 
     /// Coordinates of the angles.

@@ -197,3 +197,21 @@ fn grids_that_are_not_valid_are_refused() {
     assert!(new(&[0.0, 1.0], &[0.0, TAU], &[1.0, 1.0, -1.0, 1.0]).is_none());
     assert!(new(&[0.0, 1.0], &[0.0, TAU], &[1.0, 1.0, f64::NAN, 1.0]).is_none());
 }
+
+#[test]
+fn mirrored_distribution_has_the_intensity_of_the_mirrored_direction() {
+    for photometry in ALL {
+        let own = uneven(photometry);
+        let mirrored = own.mirrored().unwrap();
+        assert!((mirrored.flux() / own.flux() - 1.0).abs() < 1e-12, "{photometry:?}");
+        let mut rng = rng(5);
+        for _ in 0..1000 {
+            let direction =
+                DVec3::new(rng.next_f64() - 0.5, rng.next_f64() - 0.5, rng.next_f64() - 0.5);
+            let direction = direction.normalize();
+            let mirror = DVec3::new(direction.x, -direction.y, direction.z);
+            let [a, b] = [own.intensity(direction), mirrored.intensity(mirror)];
+            assert!((a - b).abs() < 1e-6 * own.peak(), "{photometry:?} {direction}: {a}, not {b}");
+        }
+    }
+}
