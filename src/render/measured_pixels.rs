@@ -22,8 +22,8 @@ pub enum PixelFilter {
 pub struct MeasuredPixels {
     /// Pixels along a side of a square.
     side: u32,
-    /// Column and row in the square.
-    at: (u32, u32),
+    /// Number of the pixel in the first square.
+    turn: u32,
 }
 
 impl MeasuredPixels {
@@ -35,18 +35,19 @@ impl MeasuredPixels {
         }
         // Odd multiples visit all of a power of two, also if only every second or eighth iteration is measured.
         let turn = iteration.number ^ iteration.number >> 3;
-        let pixel = (turn.wrapping_mul(5) % u64::from(side * side)) as u32;
-        Some(Self { side, at: (pixel % side, pixel / side) })
+        Some(Self { side, turn: (turn.wrapping_mul(5) % u64::from(side * side)) as u32 })
     }
 
-    /// Whether a pixel is measured. At the right and lower border, squares are smaller.
+    /// Whether a pixel is measured. Its place differs from square to square, as edges of objects may follow rows of
+    /// pixels. At the right and lower border, squares are smaller.
     fn includes(self, (x, y): (u32, u32), (width, height): (u32, u32)) -> bool {
-        let Self { side, at } = self;
-        let wanted = |at: u32, position: u32, size: u32| {
-            let first = position - position % side;
-            position - first == at.min(size - first - 1)
-        };
-        wanted(at.0, x, width) && wanted(at.1, y, height)
+        let Self { side, turn } = self;
+        let (column, row) = (x / side, y / side);
+        let hash = (column.wrapping_mul(0x9e37_79b1) ^ row.wrapping_mul(0x85eb_ca77)) >> 16;
+        let number = turn.wrapping_add(hash) % (side * side);
+        let wanted = |at: u32, first: u32, size: u32| first + at.min(size - first - 1);
+        x == wanted(number % side, column * side, width)
+            && y == wanted(number / side, row * side, height)
     }
 }
 
@@ -73,21 +74,26 @@ mod tests {
         let side = grid.side();
         assert_eq!(side, 2);
         for every in [1u64, 2, 8] {
-            let mut visits = [0; 4];
-            for number in (0..64).map(|number| number * every) {
-                let iteration = CurrentIteration { number, is_measured: true };
-                let pixels = MeasuredPixels::new(grid, BatchGrain::Tile, iteration).unwrap();
-                visits[(pixels.at.1 * side + pixels.at.0) as usize] += 1;
-                for cell in [0, 521, grid.len() - 1] {
-                    let first = grid.first_pixel(cell) as u32;
-                    let (x, y) = (first % size.0, first / size.0);
-                    let square = (y..(y + side).min(size.1))
-                        .flat_map(|y| (x..(x + side).min(size.0)).map(move |x| (x, y)));
+            for cell in [0, 1, 521, 1044, grid.len() - 1] {
+                let first = grid.first_pixel(cell) as u32;
+                let (x, y) = (first % size.0, first / size.0);
+                let square: Vec<(u32, u32)> = (y..(y + side).min(size.1))
+                    .flat_map(|y| (x..(x + side).min(size.0)).map(move |x| (x, y)))
+                    .collect();
+                let mut visits = vec![0; square.len()];
+                for number in (0..64).map(|number| number * every) {
+                    let iteration = CurrentIteration { number, is_measured: true };
+                    let pixels = MeasuredPixels::new(grid, BatchGrain::Tile, iteration).unwrap();
                     let filter = PixelFilter::Measured(pixels);
-                    assert_eq!(square.filter(|&at| filter.includes(at, size)).count(), 1);
+                    let is_measured = |at: &(u32, u32)| filter.includes(*at, size);
+                    let measured: Vec<usize> =
+                        (0..square.len()).filter(|&own| is_measured(&square[own])).collect();
+                    assert_eq!(measured.len(), 1);
+                    visits[measured[0]] += 1;
                 }
+                let each = 64 / square.len();
+                assert!(visits.iter().all(|&count| count == each), "{every}: {visits:?}");
             }
-            assert!(visits.iter().all(|&count| count == 16), "{every}: {visits:?}");
         }
     }
 }
