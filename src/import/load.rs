@@ -96,7 +96,8 @@ pub fn load(path: impl AsRef<Path>) -> Result<Loaded> {
 /// In the cases of [`load`], if the file has no camera of the requested name, or if anything was
 /// skipped and [`LoadOptions::strict`] is set.
 pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Loaded> {
-    let loaded = load_any(path, options)?;
+    let mut loaded = load_any(path, options)?;
+    loaded.warnings.extend(warnings::far_from_origin(&loaded.scene));
     if options.strict {
         warnings::require_complete(&loaded.warnings).map_err(|error| error.at(path))?;
     }

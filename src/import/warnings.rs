@@ -2,6 +2,7 @@
 
 use super::text::{list, problems};
 use crate::base::error::{Error, Result, visible};
+use crate::scene::Scene;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{self, Write};
@@ -45,6 +46,22 @@ impl Warning {
 pub(super) fn replaced_environment(path: &Path) -> Warning {
     let text = "the given environment replaces that of the file";
     Warning::chosen(format!("{}: {text}", path.display()))
+}
+
+/// Distance of a scene from the origin, over its size, from which on its image is noticeably wrong: 0.7 % at 10,000.
+const FAR: f32 = 1000.0;
+
+/// A warning that single precision rounds the positions of a scene too coarsely.
+pub(super) fn far_from_origin(scene: &Scene) -> Option<Warning> {
+    let away = scene.bounds().center().abs().max_element() / scene.size();
+    (away > FAR && away.is_finite()).then(|| Warning {
+        advice: Some("move the scene to the origin"),
+        ..Warning::chosen(format!(
+            "the scene is {away:.0} times its size away from the origin, where single precision rounds positions to \
+             {:.1e} of its size: light leaks and is lost",
+            away * f32::EPSILON
+        ))
+    })
 }
 
 /// The text, and a line with the advice if there is some.

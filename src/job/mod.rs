@@ -11,6 +11,7 @@ mod builder;
 mod denoising;
 mod iterate;
 mod leader;
+mod near_layers;
 mod outline;
 mod result;
 mod revision;
@@ -234,6 +235,9 @@ impl RenderJob {
         };
         let mut config = RenderConfig { ranks: ranks.count(), ..RenderConfig::default() };
         let mut renderer = threads.install(new)?.configure(config)?;
+        if let Some(warning) = near_layers::warning(&scene, &*accel, &provenance.settings) {
+            let _ = observer(Event::Warning(warning));
+        }
         let (mut selection, mut revision) = (None, None);
         if is_automatic && matches!(self.start, Start::New) {
             let free = self.chosen_parameters();

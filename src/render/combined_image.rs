@@ -303,15 +303,16 @@ impl<'a> CombinedImage<'a> {
     /// otherwise it ignores the error of the shrinkage factors.
     pub fn variance_of_mean(&self) -> Option<Vec<f64>> {
         let (_, height) = self.resolution();
-        self.variance_rows(0..height)
+        let rows = self.variance_rows(0..height)?;
+        Some(rows.into_iter().map(|[corrected, _]| corrected).collect())
     }
 
-    /// Some rows of [`Self::variance_of_mean`].
-    fn variance_rows(&self, rows: Range<u32>) -> Option<Vec<f64>> {
+    /// Variance of some rows of [`Self::mean`], and of [`Self::uncorrected_mean`].
+    fn variance_rows(&self, rows: Range<u32>) -> Option<Vec<[f64; 2]>> {
         let scales = self.variance_scales()?;
         let (grid, correction) = (self.grid(), self.bias_correction());
         let (width, _) = self.resolution();
-        let mut all = vec![0.0; rows.len() * width as usize];
+        let mut all = vec![[0.0; 2]; rows.len() * width as usize];
         let lines = all.par_chunks_mut(width as usize).zip(rows.into_par_iter());
         lines.for_each(|(line, y)| {
             let cells = grid.row_of(y);
@@ -319,10 +320,8 @@ impl<'a> CombinedImage<'a> {
             for (x, (all, at)) in pixels {
                 let change =
                     correction.map(|own| own.variance_change[cells + x / grid.side() as usize]);
-                *all = variance(&scales, at);
-                if let Some(change) = change {
-                    *all += change;
-                }
+                let own = variance(&scales, at);
+                *all = [own + change.unwrap_or(0.0), own];
             }
         });
         Some(all)
@@ -368,14 +367,13 @@ impl<'a> CombinedImage<'a> {
     pub fn rms_rows(&self, rows: Range<u32>) -> Option<Vec<f32>> {
         let (width, height) = self.resolution();
         let around = rows.start.saturating_sub(BOX_RADIUS)..(rows.end + BOX_RADIUS).min(height);
-        let variance: Vec<_> =
-            self.variance_rows(around.clone())?.into_iter().map(|v| [v]).collect();
+        let variance = self.variance_rows(around.clone())?;
         // The rows around are complete, so that a pixel has the neighbors that it has in the image.
         let pixels = rows.start - around.start..rows.end - around.start;
         let pixels = (pixels.start * width) as usize..(pixels.end * width) as usize;
         let rms = |index| {
-            let [variance] = box_filtered(&variance, index, width, around.len() as u32);
-            variance.sqrt() as f32
+            let variances = box_filtered(&variance, index, width, around.len() as u32);
+            positive_variance(variances).sqrt() as f32
         };
         Some(pixels.map(rms).collect())
     }
@@ -400,6 +398,12 @@ impl<'a> CombinedImage<'a> {
     }
 }
 
+/// The variance with the correction of the bias, or that without it. The change by the correction is an estimate, which may
+/// exceed the variance.
+fn positive_variance([corrected, uncorrected]: [f64; 2]) -> f64 {
+    if corrected > 0.0 { corrected } else { uncorrected.max(0.0) }
+}
+
 /// Variance of the mean of a pixel, from those of the blocks times their factors; `at` is its index in tile order.
 fn variance(scales: &[(&Block, f64)], at: usize) -> f64 {
     let mut all = 0.0;
@@ -407,4 +411,16 @@ fn variance(scales: &[(&Block, f64)], at: usize) -> f64 {
         all += scale * block.film.sums.values()[at].variance_of_mean(block.film.iterations);
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_is_a_number_where_the_correction_exceeds_the_variance() {
+        for (variances, expected) in [([3.0, 4.0], 3.0), ([-1.0, 4.0], 4.0), ([-1.0, 0.0], 0.0)] {
+            assert_eq!(positive_variance(variances), expected);
+        }
+    }
 }

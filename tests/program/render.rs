@@ -450,3 +450,26 @@ fn image_and_noise_files_of_the_library_are_those_of_the_program() {
         }
     }
 }
+
+/// A sheet just above a floor: discs leak light between them, and areas do not.
+#[test]
+fn discs_among_near_layers_are_noted() {
+    let (folder, at) = folder();
+    let file = folder.path().join("layers.obj");
+    let sheet = |y: f32, half: f32| {
+        format!(
+            "v -{half} {y} -{half}\nv -{half} {y} {half}\nv {half} {y} {half}\nv {half} {y} -{half}\n"
+        )
+    };
+    let obj = format!("{}{}f 1 2 3 4\nf 5 6 7 8\n", sheet(0.0, 2.0), sheet(0.001, 1.0));
+    std::fs::write(&file, obj).unwrap();
+    for (kernel, is_noted) in [("disc", true), ("area", false)] {
+        let mut command = bdpm(&["render", file.to_str().unwrap(), "--look-at", "0,3,0.1,0,0,0"]);
+        command.args(["--environment", "1", "--iterations", "1", "--resolution", "8x8"]);
+        command.args(["--kernel", kernel, "--output"]).arg(at("a.exr"));
+        let output = command.output().unwrap();
+        let shown = text(&output.stderr);
+        assert!(output.status.success(), "{shown}");
+        assert_eq!(shown.contains("discs leak light"), is_noted, "{kernel}: {shown}");
+    }
+}
