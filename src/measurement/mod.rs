@@ -10,6 +10,7 @@
 
 mod mean_series;
 mod reading;
+mod warnings;
 
 pub use reading::{Reading, quantity, student_95, unit};
 
@@ -22,8 +23,7 @@ use crate::import::Loaded;
 use crate::job::{Event, RenderJob, RenderResult, RenderState};
 use crate::render::block::CombinedImage;
 use crate::scene::backend::{self, Backend};
-use crate::scene::bsdf::Lobe;
-use crate::scene::{Emitter, LightSource, MeterKind, MeterSet, Placement, Scene};
+use crate::scene::{LightSource, MeterKind, MeterSet, Scene};
 use crate::settings::{MAX_IMAGE_SIDE, PartialSettings};
 use mean_series::MeanSeries;
 use rayon::ThreadPool;
@@ -31,6 +31,7 @@ use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
+use warnings::{missing_light, unknown_bias};
 
 /// Minimum time of a render job: if the whole time is over, the remaining jobs are as short as possible.
 const MIN_TIME: Duration = Duration::from_nanos(1);
@@ -47,6 +48,9 @@ const LEAST_SHARE: f64 = 0.01;
 
 /// Minimum number of iterations before a target counts as reached.
 const MIN_ITERATIONS: u64 = 32;
+
+/// Iterations without any light after which a measurement without a time ends: no uncertainty would ever be known.
+const DARK_ITERATIONS: u64 = 1024;
 
 /// Growth of the number of iterations between two comparisons with the target.
 const CHECK_GROWTH: f64 = 1.03;
@@ -281,6 +285,13 @@ impl MeasureJob {
                 let known = &measurement.warnings;
                 let warning = unknown_bias(&result).filter(|warning| !known.contains(warning));
                 measurement.warnings.extend(warning);
+                if are_dark(&readings) {
+                    let iterations = result.state.status.iterations;
+                    let text =
+                        format!("{name}: no light reached a meter in {iterations} iterations");
+                    measurement.warnings.push(text);
+                    measurement.reached = false;
+                }
                 if let Some(failure) = result.failure() {
                     let text = format!("the measurement ended too early: {failure}");
                     measurement.warnings.push(text);
@@ -321,28 +332,6 @@ impl MeasureJob {
         };
         groups.into_iter().map(only).collect()
     }
-}
-
-/// A warning if light of points, spots or parallel light can reach meters by mirrors or through glass alone: no photons
-/// are merged at meters, and camera paths cannot hit such lights.
-fn missing_light(scene: &Scene) -> Option<String> {
-    let is_delta = scene.lights().emitters().iter().any(Emitter::is_delta);
-    let passes = |placement: &Placement| {
-        let material = &scene.materials()[placement.material as usize];
-        let passes = material.bsdf.passes_through();
-        passes
-            && material.bsdf.spread() != Some(Lobe::Rough)
-            && !material.is_index_matched_boundary()
-    };
-    let text = "light of points, spots and suns that reaches a meter only by mirrors or through glass is missing";
-    (is_delta && scene.placements().iter().any(passes)).then(|| text.to_owned())
-}
-
-/// A warning if the merge bias of a render is unknown: nested radii are measured only where the pilot ran.
-fn unknown_bias(result: &RenderResult) -> Option<String> {
-    let merges = result.state.provenance.settings.has_photons();
-    let text = "path counts are fixed, so that the merge bias is not measured: uncertainties are those of the noise";
-    (merges && result.selection().is_none()).then(|| text.to_owned())
 }
 
 fn empty_readings(set: &MeterSet) -> SetReadings {
@@ -416,7 +405,8 @@ impl OneKind<'_> {
                 .iter()
                 .map(|(readings, mean)| worst(readings, mean, job.means_only))
                 .fold(0.0, f64::max);
-            if target.is_some_and(|target| worst <= target) {
+            let is_dark = time.is_none() && iterations >= DARK_ITERATIONS && are_dark(&readings);
+            if is_dark || target.is_some_and(|target| worst <= target) {
                 return ControlFlow::Break(());
             }
             watched(worst, iterations)
@@ -434,6 +424,11 @@ impl OneKind<'_> {
         };
         self.sets.iter().map(range).collect()
     }
+}
+
+/// Returns true if no light was seen.
+fn are_dark(sets: &[OfSet]) -> bool {
+    sets.iter().flat_map(|(readings, _)| readings).all(|reading| reading.value == 0.0)
 }
 
 fn worst(readings: &[Reading], mean: &Reading, means_only: bool) -> f64 {

@@ -46,7 +46,6 @@ impl AllowedLightPaths {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::counts::Counts;
     use crate::settings::Settings;
     use proptest::prelude::*;
 
@@ -63,7 +62,9 @@ mod tests {
             prop_assert!(least <= largest && largest <= MAX_LIGHT_PATHS);
             prop_assert!(largest <= most || largest == least);
             for chosen in [allowed.nearest(wanted), allowed.at_most(wanted)] {
-                prop_assert!(Counts::uniform(chosen, 1).validate(&settings).is_ok(), "{}", chosen);
+                let chosen = Settings { light_paths: chosen, ..settings.clone() };
+                prop_assert!(chosen.validate().is_ok(), "{}", chosen.light_paths);
+                let chosen = chosen.light_paths;
                 prop_assert!(allowed.bounds().contains(&chosen));
                 if allowed.bounds().contains(&wanted) {
                     prop_assert!(chosen.abs_diff(wanted) < settings.sobol_set);

@@ -71,7 +71,8 @@ fn statistics_of_cells_are_means_over_their_pixels() {
         let mean = mean_of(means.iter().map(term).collect()).mean;
         println!("{difference:?} of {mean}");
         assert!(difference.mean.abs() < 4.0 * difference.error, "{difference:?} of {mean}");
-        assert!(difference.error < 0.05 * mean, "{difference:?} says little about {mean}");
+        // A few pixels at the edges of the lamp have most of `b`.
+        assert!(difference.error < 0.2 * mean, "{difference:?} says little about {mean}");
     }
 }
 

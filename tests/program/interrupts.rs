@@ -6,14 +6,14 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Starts a render that would never end, and returns once it has begun.
+/// Starts a render that would never end, and returns once it has an image.
 fn endless(output: &Path, more: &[&str]) -> (std::process::Child, impl BufRead + use<>) {
-    let mut command = render(output, &["--time", "10days"]);
+    let mut command = render(output, &["--time", "10days", "--verbose"]);
     command.args(more).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
     let mut stderr = BufReader::new(child.stderr.take().unwrap());
     let mut line = String::new();
-    while !line.starts_with("rendering") {
+    while !line.starts_with("iteration ") {
         line.clear();
         assert!(stderr.read_line(&mut line).unwrap() > 0, "it ended too early");
     }
@@ -70,30 +70,45 @@ fn two_signals_at_once_are_one() {
     assert_eq!(names(&folder), ["a.exr", "a.png"]);
 }
 
+/// A render on one thread whose iterations take this many camera paths per pixel.
+fn slow(output: &Path, camera_paths: &str) -> Command {
+    let mut command = bdpm(&["render", SCENE, "--accel", "bvh", "--resolution", "64x64"]);
+    command.args(["--camera-paths", camera_paths, "--light-paths", "1000", "--threads", "1"]);
+    command.args(["--verbose", "--output"]).arg(output);
+    command.stderr(Stdio::piped()).stdout(Stdio::null());
+    command
+}
+
+/// Waits for a line that starts so.
+fn wait_for(lines: &mut impl Iterator<Item = std::io::Result<String>>, start: &str) {
+    let line = lines.find(|line| line.as_ref().unwrap().starts_with(start));
+    assert!(line.is_some(), "it ended before `{start}`");
+}
+
+#[test]
+fn interrupt_in_the_first_iteration_ends_the_program_at_once() {
+    let (_folder, at) = folder();
+    // Iterations take hours, and days.
+    for camera_paths in ["4000000", "4294967295"] {
+        let mut child = slow(&at("a.exr"), camera_paths).spawn().unwrap();
+        let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+        wait_for(&mut lines, "rendering");
+        interrupt(&child);
+        wait_for(&mut lines, "error: interrupted before the first iteration was done");
+        assert_eq!(child.wait().unwrap().code(), Some(130));
+        assert!(!at("a.exr").exists());
+    }
+}
+
 #[test]
 fn a_second_interrupt_ends_the_program_at_once() {
     let (_folder, at) = folder();
-    // One iteration of this takes far longer than anybody waits.
-    let mut command = bdpm(&["render", SCENE, "--accel", "bvh", "--resolution", "64x64"]);
-    command.args([
-        "--camera-paths",
-        "4000000",
-        "--light-paths",
-        "1000",
-        "--threads",
-        "1",
-        "--output",
-    ]);
-    command.arg(at("a.exr")).stderr(Stdio::piped()).stdout(Stdio::null());
-    let mut child = command.spawn().unwrap();
+    // Iterations take several times as long as two interrupts.
+    let mut child = slow(&at("a.exr"), "3000").spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
-    let mut wait_for = |start: &str| {
-        let line = lines.find(|line| line.as_ref().unwrap().starts_with(start));
-        assert!(line.is_some(), "it ended before `{start}`");
-    };
-    wait_for("rendering");
+    wait_for(&mut lines, "iteration 1");
     interrupt(&child);
-    wait_for("finishing this iteration");
+    wait_for(&mut lines, "finishing this iteration");
     // Signals that follow at once are one request.
     interrupt(&child);
     std::thread::sleep(std::time::Duration::from_millis(2500));

@@ -200,3 +200,21 @@ fn too_many_meters_of_a_quantity_are_refused_with_their_number() {
     let output = measure(&[OFFICE, "--meters", path.to_str().unwrap(), "--time", "1s"]);
     assert_refused(&output, "90000 meters measure illuminance", "at most 65536 meters");
 }
+
+/// A meter in a closed box without a lamp never reaches a target: without a time, it ends with a warning.
+#[test]
+fn dark_meters_end_the_measurement() {
+    let lamp = square(Vec3::new(0.0, 3.0, 0.0), Vec3::Y, 0.5, 1);
+    let cover = square(Vec3::new(0.0, 2.0, 0.0), Vec3::NEG_Y, 50.0, 0);
+    let eye = camera(Vec3::ZERO, Vec3::X, 60.0);
+    let scene = scene(vec![lamp, cover], vec![gray(0.5, 0.0), gray(0.0, 1.0)], vec![], eye);
+    let meter = Meter::irradiance(Vec3::ZERO, Vec3::Y).unwrap();
+    let set = MeterSet::single("dark", MeterKind::Irradiance, meter);
+    let measurement = MeasureJob::new(&Loaded { scene, ..furnace() })
+        .meters(vec![set])
+        .run(|_| ControlFlow::Continue(()))
+        .unwrap();
+    assert!(!measurement.reached);
+    let warning = "no light reached a meter";
+    assert!(measurement.warnings.iter().any(|text| text.contains(warning)));
+}

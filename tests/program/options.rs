@@ -290,7 +290,8 @@ fn help_states_the_defaults_of_the_command() {
         ("camera-paths", "scene file, else 4"),
         ("radius", "0.5%"),
         ("caustic-radius", "a quarter of --radius"),
-        ("kernel", "area"),
+        ("sobol-set", "1"),
+        ("splitting", "1"),
         ("bias", "reduce if radii are chosen, else keep"),
         ("direct", "connect"),
         ("merge-vertex", "2"),
@@ -301,6 +302,8 @@ fn help_states_the_defaults_of_the_command() {
             let help = entry(subcommand, option);
             assert!(help.contains("[default: chosen]"), "{subcommand} {option}: {help}");
         }
+        // The pilot does not choose discs.
+        assert!(entry("render", "kernel").contains("[default: area]"));
         // `analyze` renders with the settings as they are.
         let help = entry("analyze", option);
         assert!(help.contains(&format!("[default: {fixed}]")), "analyze {option}: {help}");

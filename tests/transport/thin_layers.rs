@@ -5,8 +5,8 @@ use crate::common::*;
 use bdpm::Settings;
 use bdpm::base::math::Rgb;
 use bdpm::scene::lights::environment::Environment;
-use bdpm::scene::{Mesh, Scene};
-use bdpm::settings::{Direct, Kernel};
+use bdpm::scene::{Material, Mesh, Scene};
+use bdpm::settings::{Direct, Kernel, Strategy};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -118,6 +118,41 @@ fn dark_side_of_a_thin_plate_is_a_thousandth_of_the_bright_side() {
             println!("{name}, gap {gap}, k = {merge_vertex}: {found:?}");
             found.assert_is(0.5, 0.0);
         }
+    }
+}
+
+/// A blind, a closed box much thinner than the radius that lets some light through, before a lamp: the side of the room does
+/// not show the light of the side of the lamp.
+#[test]
+fn blind_before_a_lamp_shows_its_own_light() {
+    let room = closed_box(Vec3::new(-1.0, -1.0, -1.0), Vec3::ONE);
+    let blind = closed_box(Vec3::new(-0.6, -0.6, -0.7002), Vec3::new(0.6, 0.6, -0.7));
+    let lamp = square(Vec3::new(0.0, 0.0, -0.95), Vec3::Z, 0.3, 2);
+    let slats = Material { opacity: Some(0.978), ..gray(0.5, 0.0) };
+    let meshes = vec![room, Mesh { material: 1, ..blind }, lamp];
+    let eye = camera(Vec3::new(0.1, 0.2, 0.8), Vec3::new(0.0, 0.0, -0.7), 40.0);
+    let scene = scene(meshes, vec![gray(0.5, 0.0), slats, gray(0.0, 50.0)], vec![], eye);
+    let accel = accel(&scene);
+    let path = Settings { strategy: Strategy::Path, merge_vertex: 2, ..settings(16, 16) };
+    let expected = mean_luminance(&scene, &accel, Settings { camera_paths: 64, ..path }, 48);
+    let ways = [
+        (Direct::PhotonMap, 1),
+        (Direct::Connect, 1),
+        (Direct::Connect, 2),
+        (Direct::Connect, MIS),
+    ];
+    for (direct, merge_vertex) in ways {
+        let own = merging(direct, merge_vertex, 100_000);
+        let own = Settings { width: 16, height: 16, camera_paths: 16, ..own };
+        let found = mean_luminance(&scene, &accel, own, 24);
+        let error = found.error.hypot(expected.error);
+        println!("{direct:?} k = {merge_vertex}: {found:?}, path {expected:?}");
+        // Light falls toward the edges of the blind and of the shadow, which a radius of a sixth of it blurs: 2 % remain.
+        assert!(
+            (found.mean - expected.mean).abs() < 4.0 * error + 0.02 * expected.mean,
+            "{direct:?} k = {merge_vertex}: {found:?}, path {expected:?}"
+        );
+        assert!(error < 0.02 * expected.mean, "{found:?} {expected:?}");
     }
 }
 

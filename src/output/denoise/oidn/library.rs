@@ -67,18 +67,22 @@ const NAME: &str = if cfg!(windows) {
     "libOpenImageDenoise.so.2"
 };
 
-/// Folder in which `make denoiser` installs the library.
-const PREFIX: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/.oidn");
+/// Folder in which `make denoiser` installs the library, in the checkout.
+const PREFIX: &str = ".oidn";
 
-/// Loads the library from `OIDN_DIR` if it is set, else from the folder of `make denoiser`, else from the system's folders.
+/// Loads the library from `OIDN_DIR` if it is set, else from `.oidn` in a folder that contains the executable, such as the
+/// checkout, else from the system's folders.
 ///
 /// # Errors
 /// If the library is not installed or cannot be loaded, with advice.
 pub fn load() -> Result<Functions> {
-    load_from(env::var_os("OIDN_DIR"), Path::new(PREFIX))
+    let program = env::current_exe().unwrap_or_default();
+    let prefixes: Vec<PathBuf> =
+        program.ancestors().skip(1).map(|folder| folder.join(PREFIX)).collect();
+    load_from(env::var_os("OIDN_DIR"), &prefixes)
 }
 
-fn load_from(folder: Option<OsString>, prefix: &Path) -> Result<Functions> {
+fn load_from(folder: Option<OsString>, prefixes: &[PathBuf]) -> Result<Functions> {
     let inside = |folder: &Path| -> Vec<PathBuf> {
         ["lib", "lib64", "bin", ""].map(|sub| folder.join(sub).join(NAME)).into()
     };
@@ -93,7 +97,10 @@ fn load_from(folder: Option<OsString>, prefix: &Path) -> Result<Functions> {
                 "set it to the folder whose lib folder has the library, or unset it",
             )
         })?,
-        None => first(inside(prefix)).unwrap_or_else(|| NAME.into()),
+        None => {
+            let places = prefixes.iter().flat_map(|prefix| inside(prefix)).collect();
+            first(places).unwrap_or_else(|| NAME.into())
+        }
     };
     // SAFETY: loading runs the library's initializers, which do nothing but set it up, and so do its finalizers.
     let library = unsafe { Library::new(&place) };
@@ -113,11 +120,12 @@ mod tests {
     #[test]
     fn missing_library_is_an_error_with_advice() {
         let folder = tempfile::tempdir().unwrap();
-        let shown = load_from(Some(folder.path().into()), folder.path()).unwrap_err().to_string();
+        let shown =
+            load_from(Some(folder.path().into()), &[folder.path().into()]).unwrap_err().to_string();
         assert!(shown.contains("OIDN_DIR is ") && shown.contains("\nhelp: "), "{shown}");
         std::fs::write(folder.path().join(NAME), "no library").unwrap();
         for own in [Some(folder.path().into()), None] {
-            let shown = load_from(own, folder.path()).unwrap_err().to_string();
+            let shown = load_from(own, &[folder.path().into()]).unwrap_err().to_string();
             assert!(
                 shown.contains("cannot be loaded") && shown.contains("make denoiser"),
                 "{shown}"
