@@ -17,7 +17,7 @@ use crate::base::memory::available_memory;
 use crate::scene::transform::Transform;
 use crate::scene::{
     Arrangement, Camera, Emitter, Environment, Material, Medium, MediumBoundary, Mesh, MeterSet,
-    Placement, Region, Scene,
+    Region, Scene,
 };
 use crate::settings::PartialSettings;
 use glam::{Affine2, Vec2};
@@ -224,9 +224,7 @@ impl Builder {
 
     /// The box around all triangles.
     pub fn bounds(&self) -> Bounds {
-        let Arrangement { meshes, placements } = &self.arrangement;
-        let enclose = |bounds, one: &Placement| one.enclose(bounds, &meshes[one.mesh as usize]);
-        placements.iter().fold(Bounds::EMPTY, enclose)
+        self.arrangement.bounds()
     }
 
     /// Arranges all meshes. Refuses a scene without triangles.

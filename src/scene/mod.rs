@@ -141,6 +141,7 @@ impl Scene {
     ) -> Result<Self> {
         let arrangement = arrangement.into();
         validate::check(&arrangement, &materials)?;
+        let bounds = arrangement.bounds();
         let Arrangement { meshes, placements } = arrangement;
         let media = Media::new(&meshes, &placements, &materials, None)?;
         let mut varies: Vec<_> = meshes.iter().map(Mesh::varies).collect();
@@ -151,8 +152,6 @@ impl Scene {
             let flat = if transform.is_some() { Triangle::PLACED } else { Triangle::FLAT };
             looks[*mesh as usize] = (flat, *material);
         }
-        let enclose = |bounds, one: &Placement| one.enclose(bounds, &meshes[one.mesh as usize]);
-        let bounds = placements.iter().fold(Bounds::EMPTY, enclose);
         let has_own_ray_offset = ray_offset.is_some();
         let ray_offset = ray_offset.unwrap_or(0.0);
         let mut triangles = Vec::with_capacity(meshes.iter().map(|m| m.triangles.len()).sum());

@@ -142,7 +142,61 @@ pub(super) struct Emitting<'a> {
     pub emitters: &'a mut Vec<Emitter>,
 }
 
+impl Arrangement {
+    /// The smallest box that contains all placed triangles. Of many instances only those are visited
+    /// whose own box may reach beyond the others.
+    pub(crate) fn bounds(&self) -> Bounds {
+        let of_mesh: Vec<Bounds> = self
+            .meshes
+            .iter()
+            .map(|mesh| {
+                Placement { mesh: 0, material: 0, transform: None }.enclose(Bounds::EMPTY, mesh)
+            })
+            .collect();
+        let boxes: Vec<Bounds> =
+            self.placements.iter().map(|own| own.outer_box(&of_mesh[own.mesh as usize])).collect();
+        let mut bounds = Bounds::EMPTY;
+        for axis in 0..3 {
+            for is_upper in [false, true] {
+                let reach = |own: &Bounds| if is_upper { own.max[axis] } else { -own.min[axis] };
+                let mut order: Vec<usize> = (0..boxes.len()).collect();
+                order.sort_unstable_by(|a, b| reach(&boxes[*b]).total_cmp(&reach(&boxes[*a])));
+                for index in order {
+                    if reach(&boxes[index]) <= reach(&bounds) {
+                        break;
+                    }
+                    let own = &self.placements[index];
+                    bounds = own.enclose(bounds, &self.meshes[own.mesh as usize]);
+                }
+            }
+        }
+        bounds
+    }
+}
+
 impl Placement {
+    /// A box that contains the placed triangles of a mesh, which are in the box `own`. It may be larger.
+    fn outer_box(&self, own: &Bounds) -> Bounds {
+        let Some(transform) = self.transform else { return *own };
+        if own.min.cmpgt(own.max).any() {
+            return Bounds::EMPTY;
+        }
+        let corner = |i: u32| {
+            let is_upper = glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0);
+            transform.point(Vec3::select(is_upper, own.max, own.min))
+        };
+        let corners: Option<Vec<Vec3>> = (0..8).map(corner).collect();
+        // Corners of the box may be out of the range of coordinates where triangles are not.
+        let Some(corners) = corners else {
+            return Bounds { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
+        };
+        let outer = corners.into_iter().fold(Bounds::EMPTY, Bounds::with);
+        // Points are rounded.
+        let largest = outer.min.abs().max(outer.max.abs()).max_element();
+        let margin = Vec3::splat(1e-5 * largest + f32::MIN_POSITIVE);
+        Bounds { min: outer.min - margin, max: outer.max + margin }
+    }
+
     /// A triangle of the mesh in the scene's space. Rays start at `ray_offset` off it, besides rounding errors.
     pub(crate) fn triangle(&self, stored: &Triangle, ray_offset: f32) -> Triangle {
         let triangle = Triangle { material: self.material, ..*stored };
@@ -208,6 +262,47 @@ impl Placement {
                     glow.emitter(shape, self.transform.map_or(uvs, ordered))
                 }
             });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::rng::{Stream, StreamKey};
+    use glam::{DAffine3, DQuat, DVec3};
+
+    #[test]
+    fn bounds_of_many_placements_are_those_of_all_their_triangles() {
+        let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
+        let mut random = move || f64::from(rng.next_2d()[0]) - 0.5;
+        let mut mesh = || {
+            let points = 12;
+            let positions = (0..points).map(|_| {
+                DVec3::new(random(), random(), 3.0 * random()).as_vec3() + Vec3::splat(1.0)
+            });
+            let triangles = (0..points - 2).map(|i| [i, i + 1, i + 2]).collect();
+            Mesh { positions: positions.collect(), triangles, ..Mesh::default() }
+        };
+        let meshes = vec![mesh(), mesh(), mesh()];
+        let mut rng = StreamKey::new(6, Stream::Test, 0).rng(0);
+        let mut random = move || f64::from(rng.next_2d()[0]) - 0.5;
+        for round in 0..50 {
+            let mut placements = vec![Placement { mesh: 2, material: 0, transform: None }];
+            for index in 0..40 {
+                let scale = DVec3::splat(1.0 + 3.0 * random());
+                let turn =
+                    DQuat::from_rotation_y(7.0 * random()) * DQuat::from_rotation_x(random());
+                let offset = 0.2 * f64::from(round) * DVec3::new(random(), random(), random());
+                let map = DAffine3::from_scale_rotation_translation(scale, turn, offset);
+                let transform = Some(Transform::new(map).unwrap());
+                placements.push(Placement { mesh: index % 2, material: 0, transform });
+            }
+            let one_by_one = placements
+                .iter()
+                .fold(Bounds::EMPTY, |bounds, one| one.enclose(bounds, &meshes[one.mesh as usize]));
+            let all = Arrangement { meshes: meshes.clone(), placements }.bounds();
+            assert_eq!([all.min, all.max], [one_by_one.min, one_by_one.max]);
         }
     }
 }
