@@ -143,12 +143,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_images_of_more_than_a_million_pixels_share_cells() {
+    fn only_images_of_more_than_half_a_million_pixels_share_cells() {
         for (size, side) in [
             ((1, 1), 1),
-            ((1024, 1024), 1),
-            ((1280, 720), 1),
-            ((1025, 1024), 2),
+            ((800, 600), 1),
+            ((1024, 512), 1),
+            ((1024, 513), 2),
+            ((1280, 720), 2),
             ((1920, 1080), 2),
             ((3840, 2160), 4),
             ((7680, 4320), 8),

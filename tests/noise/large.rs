@@ -1,4 +1,4 @@
-//! Images of more than a million pixels keep statistics for cells of several pixels. These are the means of what single
+//! Images of more than half a million pixels keep statistics for cells of several pixels. These are the means of what single
 //! pixels have, and the image and its layers keep all pixels.
 
 use crate::common::Estimate;
