@@ -47,6 +47,7 @@ check: setup denoiser
 	$(CARGO) check $(FLAGS) --package bdpm --no-default-features --lib
 	CARGO_PROFILE_DEV_OPT_LEVEL=1 $(CARGO) test $(FLAGS) --package bdpm --no-default-features --test accel
 	CARGO=$(CARGO) scripts/check-ranks.sh
+	CARGO=$(CARGO) scripts/check-dependents.sh
 
 # Every test with `#[ignore]`, all of which are in tests/check (CONTRIBUTING.md lists them): 10 minutes and more on 2
 # cores. Run them every night, and after a change of an estimator or of its weights.

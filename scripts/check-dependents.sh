@@ -48,6 +48,11 @@ fn main() {
     println!("mean luminance {}", middle::mean(&scene).expect("an image"));
 }
 END
+cat >>"$work/Cargo.toml" <<END
+[profile.dev]
+opt-level = 1
+debug = false
+END
 cp "$root/Cargo.lock" "$work/Cargo.lock"
 cd "$work"
 env -u CARGO_TARGET_DIR "${CARGO:-cargo}" build --quiet

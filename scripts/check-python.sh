@@ -23,6 +23,9 @@ mkdir -p "$package/bin"
 ln -s "$root"/python/bdpm/*.py "$root"/python/bdpm/*.pyi "$root"/python/bdpm/py.typed "$package/"
 ln -s "$target/debug/libbdpm_python.so" "$package/_bdpm.abi3.so"
 ln -s "$target/debug/bdpm" "$package/bin/bdpm"
+# The interpreter is not near the libraries of the checkout.
+[ -n "${EMBREE_DIR:-}" ] || [ ! -e "$root/.embree" ] || export EMBREE_DIR=$root/.embree
+[ -n "${OIDN_DIR:-}" ] || [ ! -e "$root/.oidn" ] || export OIDN_DIR=$root/.oidn
 export PYTHONPATH=$target/python PYTHONDONTWRITEBYTECODE=1 BDPM=$target/debug/bdpm
 
 # mypy finds the sources by themselves, and the tests find the package.

@@ -20,8 +20,8 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$root"
 # Both packages at once: a dependency that they share has the features of both, so that it is built once.
-cargo build --locked --release --package bdpm --package bdpm-python --bin bdpm
-maturin build --locked --release --strip --auditwheel skip --quiet \
+cargo build --locked --release --package bdpm --package bdpm-python --features bdpm-python/wheel --bin bdpm
+maturin build --locked --release --features wheel --strip --auditwheel skip --quiet \
     --manifest-path python/Cargo.toml --target-dir "$target" --out "$work/plain"
 
 "$python" -m wheel unpack --dest "$work" "$work"/plain/bdpm-*.whl >/dev/null
