@@ -23,6 +23,8 @@ pub struct MediumKernel {
     nested: [ByClass<f32>; 2],
     /// Wavelengths that merge, where photons and camera paths have one.
     pub(super) wavelengths: WavelengthKernel,
+    /// Distance up to which surfaces are looked for, scene units.
+    room_radius: f32,
 }
 
 /// The kernel for photons of one class at one place.
@@ -55,6 +57,10 @@ impl MediumKernel {
             inverse_size: radii.map(|radius| size(radius).recip()),
             nested: [over(&nested[0]), over(&nested[1])],
             wavelengths: at_surfaces.wavelengths,
+            room_radius: match query {
+                MediumQuery::Points => radii[0].max(radii[1]),
+                MediumQuery::Beams => 2.0 * radii[0].max(radii[1]),
+            },
         }
     }
 
@@ -106,10 +112,13 @@ impl MediumKernel {
 
     /// Distance within which surfaces can cut balls around points, or discs on which a photon lies, scene units.
     pub fn room_radius(&self) -> f32 {
-        match self.query {
-            MediumQuery::Points => self.radius(),
-            MediumQuery::Beams => 2.0 * self.radius(),
-        }
+        self.room_radius
+    }
+
+    /// This kernel within the surfaces that are known for another one, whose radii are at least as large.
+    #[must_use]
+    pub fn in_rooms_of(self, other: &Self) -> Self {
+        Self { room_radius: other.room_radius, ..self }
     }
 
     /// Tests whether photons are merged along segments.
