@@ -144,7 +144,7 @@ fn blind_before_a_lamp_shows_its_own_light() {
     for (direct, merge_vertex) in ways {
         let own = merging(direct, merge_vertex, 100_000);
         let own = Settings { width: 16, height: 16, camera_paths: 16, ..own };
-        let found = mean_luminance(&scene, &accel, own, 24);
+        let found = mean_luminance(&scene, &accel, own, 48);
         let error = found.error.hypot(expected.error);
         println!("{direct:?} k = {merge_vertex}: {found:?}, path {expected:?}");
         // Light falls toward the edges of the blind and of the shadow, which a radius of a sixth of it blurs: 2 % remain.
