@@ -90,6 +90,7 @@ fn main() {
     if env::var_os("CARGO_FEATURE_LINK").is_none() {
         if !install.is_default {
             link_beside_programs(&install.lib);
+            link_for_doc_tests(&install.lib);
         }
         return;
     }
@@ -223,7 +224,7 @@ fn link_beside_programs(lib: &Path) {
     }
 }
 
-/// Doc tests get no link arguments, thus no rpath. But Cargo puts search paths below its target
+/// Doc tests run in a folder of the system and get no link arguments, thus no rpath. But Cargo puts search paths below its target
 /// folder on their library path, so links to the libraries go there.
 fn link_for_doc_tests(lib: &Path) {
     let folder = PathBuf::from(env::var_os("OUT_DIR").unwrap()).join("lib");

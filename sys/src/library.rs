@@ -74,14 +74,25 @@ fn load_or_panic() -> &'static Functions {
 fn find_and_load() -> Result<Functions, LoadError> {
     let file = candidates().into_iter().find(|file| file.exists());
     // A link's own folder may lack the libraries that this one needs.
-    let file = file.map(|file| file.canonicalize().unwrap_or(file));
-    let place = file.clone().unwrap_or_else(|| NAMES[0].into());
+    match file.map(|file| file.canonicalize().unwrap_or(file)) {
+        Some(file) => load_from(&file).map_err(|problem| LoadError { problem, file: Some(file) }),
+        None => {
+            let mut all = NAMES.iter().map(|name| load_from(Path::new(name)));
+            let first = all.next().expect("there is a name");
+            first.or_else(|problem| {
+                all.find_map(Result::ok).ok_or(LoadError { problem, file: None })
+            })
+        }
+    }
+}
+
+fn load_from(place: &Path) -> Result<Functions, String> {
     // SAFETY: loading runs the library's initializers, which set it up and do nothing else, and so do its finalizers.
-    let library = unsafe { Library::new(&place) };
+    let library = unsafe { Library::new(place) };
     // SAFETY: the types are those of the library's header. The version of the loaded library is for the caller to
     // check, as with a library that is linked.
     let functions = library.and_then(|library| unsafe { Functions::of(library) });
-    functions.map_err(|error| LoadError { problem: error.to_string(), file })
+    functions.map_err(|error| error.to_string())
 }
 
 /// Files that may be the library, in the order of preference.
