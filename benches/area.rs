@@ -1,6 +1,6 @@
-//! Areas of surfaces around gather points: the first time, when they are worked out, and later; and merging
-//! divided by them over merging divided by discs, in turn. `BDPM_SCENE` takes another scene than
-//! `scenes/cornell-box`.
+//! Areas of surfaces around gather points: the first time, when they are worked out, and later; and
+//! merging divided by them over merging divided by discs, in turn. `BDPM_SCENE` takes another scene
+//! than `scenes/cornell-box`.
 
 #![allow(missing_docs)]
 

@@ -1,5 +1,5 @@
-//! Sampling of an environment map, and its radiance and density in a direction. A map of 4096x2048 pixels exceeds the
-//! caches of most processors.
+//! Sampling of an environment map, and its radiance and density in a direction. A map of 4096x2048
+//! pixels exceeds the caches of most processors.
 
 #![allow(missing_docs)]
 

@@ -1,6 +1,6 @@
 //! Merging beside a k-d tree (`kiddo`) and Embree's point queries that do the same look-ups, and
-//! building the map beside copying and sorting the same bytes: in turn, so that ratios hold where the
-//! speed of the machine changes.
+//! building the map beside copying and sorting the same bytes: in turn, so that ratios hold where
+//! the speed of the machine changes.
 //!
 //! All three find the same photons around the gather points of `scenes/cornell-box` and add up the
 //! same pairs, which is asserted. `BDPM_SCENE` takes another scene.

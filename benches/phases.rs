@@ -1,7 +1,7 @@
-//! The phases of an iteration for Criterion's statistics, and ratios at the end. Each ratio is of two that
-//! run in turn: a phase and its limit, raw Embree packets on the same rays; iterations that measure
-//! noise and that do not; one thread and two, beside arithmetic alone. `BDPM_SCENE` takes another
-//! scene than `scenes/cornell-box`.
+//! The phases of an iteration for Criterion's statistics, and ratios at the end. Each ratio is of
+//! two that run in turn: a phase and its limit, raw Embree packets on the same rays; iterations
+//! that measure noise and that do not; one thread and two, beside arithmetic alone. `BDPM_SCENE`
+//! takes another scene than `scenes/cornell-box`.
 
 #![allow(missing_docs)]
 
@@ -99,8 +99,8 @@ impl Intersect for Recorder<'_> {
     }
 }
 
-/// One thread, so that a phase's time is the time of its work. It is this one: waking another up takes as
-/// long as tracing hundreds of light paths.
+/// One thread, so that a phase's time is the time of its work. It is this one: waking another up
+/// takes as long as tracing hundreds of light paths.
 fn one_thread() -> &'static ThreadPool {
     static ONE: OnceLock<ThreadPool> = OnceLock::new();
     let here = || ThreadPoolBuilder::new().num_threads(1).use_current_thread().build().unwrap();
@@ -148,8 +148,8 @@ fn phases(criterion: &mut Criterion) {
     }
 }
 
-/// Work of so many paths in this many iterations in turn: a processor learns the branches of a few rays by heart,
-/// which no render repeats.
+/// Work of so many paths in this many iterations in turn: a processor learns the branches of a few
+/// rays by heart, which no render repeats.
 fn iterations(paths: u32) -> u64 {
     u64::from((50_000 / paths).max(1))
 }
@@ -187,8 +187,8 @@ fn arithmetic() {
     });
 }
 
-/// Time of `work` with one thread over its time with two. Each runs long enough that waking up does not
-/// matter: a processor that slept needs milliseconds to come back where others want it, too.
+/// Time of `work` with one thread over its time with two. Each runs long enough that waking up does
+/// not matter: a processor that slept needs milliseconds to come back where others want it, too.
 fn one_over_two(mut work: impl FnMut() + Send) -> Ratio {
     let [one, two] =
         [1, 2].map(|threads| ThreadPoolBuilder::new().num_threads(threads).build().unwrap());

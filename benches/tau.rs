@@ -2,8 +2,9 @@
 //!
 //! At its end it prints the fitted time model beside that table. `bdpm predict --timings
 //! target/criterion` uses the result. Environment variables replace the defaults: `BDPM_SCENE` the
-//! scene `scenes/cornell-box`, `BDPM_RESOLUTION=WxH` its resolution, `BDPM_STRATEGY=mis` or `=single`
-//! its strategy, `BDPM_MERGE_VERTEX` its merge vertex, and `BDPM_THREADS` the number of threads.
+//! scene `scenes/cornell-box`, `BDPM_RESOLUTION=WxH` its resolution, `BDPM_STRATEGY=mis` or
+//! `=single` its strategy, `BDPM_MERGE_VERTEX` its merge vertex, and `BDPM_THREADS` the number of
+//! threads.
 
 #![allow(missing_docs)]
 

@@ -1,5 +1,5 @@
-//! Rays per second of both backends, single and in packets. For Embree, also raw packets of the same
-//! rays that are ready in memory: the bound for the safe layer.
+//! Rays per second of both backends, single and in packets. For Embree, also raw packets of the
+//! same rays that are ready in memory: the bound for the safe layer.
 
 #![allow(missing_docs)]
 

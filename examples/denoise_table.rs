@@ -6,10 +6,11 @@
 //! cargo run --release --example denoise_table -- scenes/cornell-box --program target/release/bdpm --times 2s,8s,30s
 //! ```
 //!
-//! Results are kept in `--folder`: a run that was stopped continues, and existing results are not computed again. The
-//! first table renders at the scene's own counts. The second and third run the program with and without `--denoise`.
-//! Their reference is two long renders `{scene}-{size}-reference-{seed}.exr` in the folder. If they are missing, they
-//! are rendered at a third of the radii of the first image.
+//! Results are kept in `--folder`: a run that was stopped continues, and existing results are not
+//! computed again. The first table renders at the scene's own counts. The second and third run the
+//! program with and without `--denoise`. Their reference is two long renders
+//! `{scene}-{size}-reference-{seed}.exr` in the folder. If they are missing, they are rendered at a
+//! third of the radii of the first image.
 
 #[path = "../tests/common/denoised.rs"]
 mod denoised;
@@ -218,7 +219,8 @@ struct LongRenders {
 }
 
 impl LongRenders {
-    /// Reads the renders, or makes them at a third of the radii of `chosen`. Their merge bias is then a ninth.
+    /// Reads the renders, or makes them at a third of the radii of `chosen`. Their merge bias is
+    /// then a ninth.
     fn of(args: &Args, path: &Path, (name, size): (&str, &str), chosen: &Value) -> Result<Self> {
         let mut images = Vec::new();
         for seed in ["1000003", "1000004"] {
@@ -243,8 +245,8 @@ impl LongRenders {
         Ok(Self { luminances, weights: importance(&mean) })
     }
 
-    /// Relative squared error of an image: the mean product of its differences to both renders, whose noise is
-    /// independent and cancels.
+    /// Relative squared error of an image: the mean product of its differences to both renders,
+    /// whose noise is independent and cancels.
     fn squared_error(&self, image: &[Rgb]) -> f64 {
         let [one, other] = &self.luminances;
         let references = one.iter().zip(other).zip(&self.weights);

@@ -5,7 +5,8 @@
 //! cargo run --release --example efficiency_table -- 10 cornell-box:128 cornell-box:512      # seconds, scenes and sizes
 //! ```
 //!
-//! After the seconds may stand `only=area,half`, some of its rows. Counts are chosen for each (docs/measurements/optimum.md), camera paths by pixel as well. What was done is kept in
+//! After the seconds may stand `only=area,half`, some of its rows. Counts are chosen for each
+//! (docs/measurements/optimum.md), camera paths by pixel as well. What was done is kept in
 //! `target/measured`. References: `examples/references`.
 
 #[allow(dead_code)] // reads some of what it offers
@@ -37,7 +38,8 @@ struct Found {
     camera_paths: u32,
 }
 
-/// Compared techniques: name, strategy, merge vertex, kernel, and the caustic radius over the radius.
+/// Compared techniques: name, strategy, merge vertex, kernel, and the caustic radius over the
+/// radius.
 const RIVALS: [(&str, Strategy, u32, Kernel, f32); 6] = [
     ("disc", Strategy::Single, 1, Kernel::Disc, 1.0),
     ("area", Strategy::Single, 1, Kernel::Area, 1.0),

@@ -1,12 +1,12 @@
-//! How often the true error of an image lies in the range that was promised and in the range that was reported: the
-//! table of `docs/measurements/predictions.md`.
+//! How often the true error of an image lies in the range that was promised and in the range that
+//! was reported: the table of `docs/measurements/predictions.md`.
 //!
 //! ```sh
 //! cargo run --release --example error_intervals -- 128 2,4,8 2 cornell-box keyhole   # pixels, seconds, seeds, scenes
 //! ```
 //!
-//! The true error is that against two references, whose own noise cancels: `examples/references`. What was done is kept
-//! in `target/measured`, so that a stopped run continues.
+//! The true error is that against two references, whose own noise cancels: `examples/references`.
+//! What was done is kept in `target/measured`, so that a stopped run continues.
 
 #[allow(dead_code)] // reads some of what it offers
 mod references;

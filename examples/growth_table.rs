@@ -5,9 +5,10 @@
 //! cargo run --release --example growth_table
 //! ```
 //!
-//! The model is fitted as `bdpm calibrate` does it for 64x64 pixels, that is with 10,000 light paths
-//! at most: all else is extrapolation. Each table comes from a process of its own, and alone if its
-//! name is given (`light-paths`, `pixels`, `triangles` or `memory`). Only Linux reports peak memory.
+//! The model is fitted as `bdpm calibrate` does it for 64x64 pixels, that is with 10,000 light
+//! paths at most: all else is extrapolation. Each table comes from a process of its own, and alone
+//! if its name is given (`light-paths`, `pixels`, `triangles` or `memory`). Only Linux reports peak
+//! memory.
 
 use bdpm::accel::Intersect;
 use bdpm::import::{Loaded, load};

@@ -1,5 +1,5 @@
-//! Measures how long a large mesh takes to load: a hilly ground of a million triangles with normals, as
-//! OBJ and as binary glTF.
+//! Measures how long a large mesh takes to load: a hilly ground of a million triangles with
+//! normals, as OBJ and as binary glTF.
 //!
 //! ```sh
 //! cargo run --release --example load_table

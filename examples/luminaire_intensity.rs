@@ -1,11 +1,12 @@
-//! Prints the intensity of a photometric file in directions from the standard input, for `scripts/radiance_check.py`:
-//! three numbers on each line, in the frame of the luminaire, and a number in cd for each of them.
+//! Prints the intensity of a photometric file in directions from the standard input, for
+//! `scripts/radiance_check.py`: three numbers on each line, in the frame of the luminaire, and a
+//! number in cd for each of them.
 //!
 //! ```sh
 //! echo 0 0 -1 | cargo run --example luminaire_intensity -- FILE.ies
 //! ```
 
-use bdpm::import::photometry::LuminaireFile;
+use bdpm::light::photometry::LuminaireFile;
 use glam::DVec3;
 use std::io::{BufRead, Write};
 use std::path::Path;

@@ -1,14 +1,14 @@
-//! How good the automatically chosen counts are: renders at them, at counts around them and at naive
-//! ones, and compares the noise after equal time.
+//! How good the automatically chosen counts are: renders at them, at counts around them and at
+//! naive ones, and compares the noise after equal time.
 //!
 //! ```sh
 //! cargo run --release --example optimum_table -- scenes/cornell-box --time 2m
 //! ```
 //!
 //! Counts are chosen as `bdpm render --auto` first does. All settings then take turns with other
-//! random numbers, so that nothing of what the choice rests on is used again. The noise after a time
-//! `T` is `sqrt(tau V / T)`, with the median time `tau` and the sampled pooled variance `V` of an
-//! iteration.
+//! random numbers, so that nothing of what the choice rests on is used again. The noise after a
+//! time `T` is `sqrt(tau V / T)`, with the median time `tau` and the sampled pooled variance `V` of
+//! an iteration.
 
 use bdpm::accel::Intersect;
 use bdpm::adaptive::autopilot::Autopilot;

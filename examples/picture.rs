@@ -1,14 +1,16 @@
-//! Makes the pictures of the documentation from EXR images and PNG files: labels, strips, error maps.
+//! Makes the pictures of the documentation from EXR images and PNG files: labels, strips, error
+//! maps.
 //!
 //! ```sh
 //! cargo run --release --example picture -- strip OUT.jpg A.exr 'label of A' B.exr 'label of B'
 //! cargo run --release --example picture -- errors OUT.jpg IMAGE.exr REFERENCE.exr
 //! ```
 //!
-//! `strip` puts images side by side, with the exposure of the first and each with its label. A label of the form
-//! `@FILE.json` becomes the promised and the measured error in that result of `bdpm render --json`. `LAYER@FILE.exr`
-//! names another layer. `errors` shows an image, its reported error and its true error on one scale.
-//! The quality of the JPEG file is the best one with at most 400 KB.
+//! `strip` puts images side by side, with the exposure of the first and each with its label. A
+//! label of the form `@FILE.json` becomes the promised and the measured error in that result of
+//! `bdpm render --json`. `LAYER@FILE.exr` names another layer. `errors` shows an image, its
+//! reported error and its true error on one scale. The quality of the JPEG file is the best one
+//! with at most 400 KB.
 
 use bdpm::base::math::Rgb;
 use bdpm::film::radiance::{box_filter, luminance};

@@ -4,8 +4,9 @@
 //! cargo run --release --example promise_table -- cornell-box 128 5s 20s 2%      # scene, pixels along a side, ends
 //! ```
 //!
-//! Each end is one run of `bdpm render SCENE --time` or `--target-error`, which is expected beside the examples, where Cargo
-//! builds it. The error is found against two long renders, as `examples/references` says, which are kept in `target/measured`.
+//! Each end is one run of `bdpm render SCENE --time` or `--target-error`, which is expected beside
+//! the examples, where Cargo builds it. The error is found against two long renders, as
+//! `examples/references` says, which are kept in `target/measured`.
 
 #[allow(dead_code)] // renders by the program itself
 mod references;

@@ -1,17 +1,18 @@
-//! The error of a render without options over that of the best settings found by search, after the same time:
-//! the table of `docs/measurements/regret.md`.
+//! The error of a render without options over that of the best settings found by search, after the
+//! same time: the table of `docs/measurements/regret.md`.
 //!
 //! ```sh
 //! cargo run --release --example regret -- cornell-box 128 5 20         # scene, pixels along a side, seconds
 //! ```
 //!
 //! - The *reference* and the error: `examples/references`.
-//! - The *grid* is all strategies at radii over 16-fold, both kernels at the scene's radius, and caustic radii of a
-//!   quarter and of all of it. Each is rendered for [`MEASURED`] seconds at counts that the program chooses for it
-//!   (docs/measurements/optimum.md: what these lose). Its squared error less its noise is its squared bias; its noise falls
-//!   with the time.
-//! - The three that should have the least error after the time are rendered, in turn with renders without options,
-//!   each with [`SEEDS`]. The regret is the root mean square of the latter's errors over that of the best of the three.
+//! - The *grid* is all strategies at radii over 16-fold, both kernels at the scene's radius, and
+//!   caustic radii of a quarter and of all of it. Each is rendered for [`MEASURED`] seconds at
+//!   counts that the program chooses for it (docs/measurements/optimum.md: what these lose). Its
+//!   squared error less its noise is its squared bias; its noise falls with the time.
+//! - The three that should have the least error after the time are rendered, in turn with renders
+//!   without options, each with [`SEEDS`]. The regret is the root mean square of the latter's
+//!   errors over that of the best of the three.
 //!
 //! A line before it has the least error of each strategy of the grid, and of discs.
 //!

@@ -1,4 +1,5 @@
-//! Lets the extension find Embree's library where it was built. A wheel carries the library (scripts/wheel.sh).
+//! Lets the extension find Embree's library where it was built. A wheel carries the library
+//! (scripts/wheel.sh).
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

@@ -1,4 +1,4 @@
-"""Writes the tables of src/import/sky/hosek_wilkie.bin from those of the wheel mitsuba==3.9.1, see its LICENSE file.
+"""Writes the tables of crates/light/src/sky/hosek_wilkie.bin from those of the wheel mitsuba==3.9.1, see its LICENSE file.
 
     python3 scripts/sky_tables.py
 
@@ -38,7 +38,7 @@ def main():
     sun = field(*SUN) @ matching / len(WAVELENGTHS) * SPECTRUM_TO_RGB / CIE_Y_SUM
     radiance = field(*RADIANCE) / CIE_Y_SUM
     numbers = np.concatenate([part.ravel() for part in (field(*PARAMETERS), radiance, sun)])
-    target = ROOT / "src/import/sky/hosek_wilkie.bin"
+    target = ROOT / "crates/light/src/sky/hosek_wilkie.bin"
     target.write_bytes(numbers.astype("<f4").tobytes())
     print(f"{target}: {numbers.size} numbers")
 

@@ -120,8 +120,8 @@ fn find() -> Option<Install> {
     // At run time: a moved checkout keeps its compiled build script.
     let package = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR")?);
     let out = PathBuf::from(env::var_os("OUT_DIR")?);
-    // Beside this package in the checkout; or above the target folder, where `cargo package` unpacks
-    // it to verify it, and where a dependent project may have one.
+    // Beside this package in the checkout; or above the target folder, where `cargo package`
+    // unpacks it to verify it, and where a dependent project may have one.
     let folders = package.parent().into_iter().chain(out.ancestors());
     let prefixes = folders.map(|folder| folder.join(".embree"));
     prefixes.chain(["/usr/local".into(), "/usr".into()]).find_map(|prefix| Install::below(&prefix))
@@ -161,8 +161,8 @@ fn generate(install: &Install) {
     }
 }
 
-/// Replaces the declarations of foreign functions by a table that is filled when the library is loaded, and by functions
-/// of the same names that call it.
+/// Replaces the declarations of foreign functions by a table that is filled when the library is
+/// loaded, and by functions of the same names that call it.
 fn load_at_run_time(bindings: &str) -> String {
     let mut file = syn::parse_file(bindings).expect("bindgen writes Rust");
     let mut functions = Vec::new();
@@ -214,8 +214,8 @@ fn load_at_run_time(bindings: &str) -> String {
     format!("{types}\n{table}")
 }
 
-/// Links to the libraries in Cargo's folder of programs, where the loader looks first. A program of any package that
-/// depends on this one is built there.
+/// Links to the libraries in Cargo's folder of programs, where the loader looks first. A program of
+/// any package that depends on this one is built there.
 fn link_beside_programs(lib: &Path) {
     let out = PathBuf::from(env::var_os("OUT_DIR").unwrap());
     // target/PROFILE/build/PACKAGE-HASH/out
@@ -224,8 +224,8 @@ fn link_beside_programs(lib: &Path) {
     }
 }
 
-/// Doc tests run in a folder of the system and get no link arguments, thus no rpath. But Cargo puts search paths below its target
-/// folder on their library path, so links to the libraries go there.
+/// Doc tests run in a folder of the system and get no link arguments, thus no rpath. But Cargo puts
+/// search paths below its target folder on their library path, so links to the libraries go there.
 fn link_for_doc_tests(lib: &Path) {
     let folder = PathBuf::from(env::var_os("OUT_DIR").unwrap()).join("lib");
     let _ = fs::remove_dir_all(&folder);

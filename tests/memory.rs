@@ -19,7 +19,8 @@ fn memory_does_not_grow_with_the_number_of_iterations() {
     let scene = furnished_box();
     let accel = accel(&scene);
     let mut renderer = Renderer::new(&scene, &accel, settings(16, 16)).unwrap();
-    // Buffers reach their sizes: which threads work on tiles, and how many photons there are, varies.
+    // Buffers reach their sizes: which threads work on tiles, and how many photons there are,
+    // varies.
     let mut iterate = |count| {
         for index in 0..count {
             renderer.iterate(if index % 8 == 0 { Measure::Pairs } else { Measure::Off });

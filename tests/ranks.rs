@@ -46,7 +46,8 @@ impl Desk {
         serde_json::from_slice(&output.stdout).unwrap()
     }
 
-    /// That two images differ in the last place at most, and layers by as little as sums in another order do.
+    /// That two images differ in the last place at most, and layers by as little as sums in another
+    /// order do.
     #[track_caller]
     fn assert_same_layers(&self, one: &str, other: &str) {
         self.assert_same_image(one, other);

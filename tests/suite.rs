@@ -1,5 +1,6 @@
-//! The tests of `make test` in one program, so that the library is linked and the helpers are compiled
-//! once. Run one family or one file by its path: `cargo test --test suite noise::optimize`.
+//! The tests of `make test` in one program, so that the library is linked and the helpers are
+//! compiled once. Run one family or one file by its path:
+//! `cargo test --test suite noise::optimize`.
 
 #[allow(dead_code)] // the tests use its parts, not its `main`
 #[path = "../examples/make_scenes/main.rs"]

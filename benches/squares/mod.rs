@@ -21,7 +21,8 @@ pub struct Squares<'a> {
 }
 
 impl<'a> Squares<'a> {
-    /// Chooses squares of about `together` camera paths from all over the image, enough for [`LOOK_UPS`].
+    /// Chooses squares of about `together` camera paths from all over the image, enough for
+    /// [`LOOK_UPS`].
     pub fn new(
         scene: &'a Arc<Scene>,
         accel: &'a Arc<dyn Intersect>,

@@ -25,9 +25,9 @@ const fn row(radius: f64, thickness: f64, index: f64, diameter: f64) -> Surface 
     Surface { radius, thickness, index, diameter }
 }
 
-/// Double Gauss, f/2, 50 mm: A. W. Tronnier, US patent 2,673,491 (1954), as tabulated by W. J. Smith,
-/// Modern Lens Design (1992), p. 312, at half its size. Kolb, Mitchell and Hanrahan (1995) introduced it
-/// to rendering.
+/// Double Gauss, f/2, 50 mm: A. W. Tronnier, US patent 2,673,491 (1954), as tabulated by W. J.
+/// Smith, Modern Lens Design (1992), p. 312, at half its size. Kolb, Mitchell and Hanrahan (1995)
+/// introduced it to rendering.
 pub const DOUBLE_GAUSS: [Surface; 11] = [
     row(29.475, 3.76, 1.67, 25.2),
     row(84.83, 0.12, 1.0, 25.2),
@@ -96,8 +96,9 @@ pub fn glass(lens: &[Surface]) -> Vec<Interface> {
     interfaces
 }
 
-/// The mounts of the glass and the sensor: a tube of the radius `tube`, the stop, and rings between the
-/// tube and the rims of the glass. Behind them is a body of the radius `body`, closed at `back`.
+/// The mounts of the glass and the sensor: a tube of the radius `tube`, the stop, and rings between
+/// the tube and the rims of the glass. Behind them is a body of the radius `body`, closed at
+/// `back`.
 pub fn mounts(lens: &[Surface], tube: f64, body: f64, back: f64) -> Mesh {
     // In the lathe's plane of radius and height.
     let wall = |depth: f64| dvec2(tube, -depth);

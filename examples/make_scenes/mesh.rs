@@ -40,9 +40,9 @@ impl Mesh {
         Self { positions: corners.to_vec(), normals: Vec::new(), faces: vec![face] }
     }
 
-    /// Rows of points, neighbors joined by quads. The front is where `along a row x to the next row`
-    /// points. A row of one point is a pole: triangles meet there. `closed` rows join their last
-    /// point to their first; all rows but poles are equally long.
+    /// Rows of points, neighbors joined by quads. The front is where
+    /// `along a row x to the next row` points. A row of one point is a pole: triangles meet there.
+    /// `closed` rows join their last point to their first; all rows but poles are equally long.
     pub fn rows(rows: &[Vec<Vertex>], closed: bool) -> Self {
         let mut mesh = Self::default();
         let corners: Vec<Vec<Corner>> =

@@ -1,5 +1,5 @@
-//! `objective`: chessmen on a board and lamps far behind them, on a sensor behind the six elements of
-//! a double Gauss.
+//! `objective`: chessmen on a board and lamps far behind them, on a sensor behind the six elements
+//! of a double Gauss.
 //!
 //! Meters; the lens's first vertex is the origin and looks along -z.
 

@@ -52,8 +52,8 @@ pub fn smooth(points: &[DVec2], pieces: usize) -> Vec<ProfilePoint> {
     curve
 }
 
-/// A curve like [`smooth`] for glass: its curvature is continuous, so that caustics show no bands, and
-/// it swings wider (the natural cubic spline over the distances between points).
+/// A curve like [`smooth`] for glass: its curvature is continuous, so that caustics show no bands,
+/// and it swings wider (the natural cubic spline over the distances between points).
 pub fn spline(points: &[DVec2], pieces: usize) -> Vec<ProfilePoint> {
     let steps: Vec<f64> = points.windows(2).map(|pair| pair[0].distance(pair[1])).collect();
     let bends = second_derivatives(points, &steps);
@@ -72,7 +72,8 @@ pub fn spline(points: &[DVec2], pieces: usize) -> Vec<ProfilePoint> {
     curve
 }
 
-/// Second derivatives of the natural spline at its points: elimination in a matrix of three diagonals.
+/// Second derivatives of the natural spline at its points: elimination in a matrix of three
+/// diagonals.
 fn second_derivatives(points: &[DVec2], steps: &[f64]) -> Vec<DVec2> {
     let n = points.len();
     let slope = |i: usize| (points[i + 1] - points[i]) / steps[i];

@@ -8,8 +8,8 @@ use glam::{DVec3, dvec3};
 pub const HALF: f64 = 2.8;
 pub const HEIGHT: f64 = 5.5;
 
-/// Floor, ceiling and walls, whose fronts face the inside, of the materials `white`, `red` (at -x) and
-/// `green` (at +x).
+/// Floor, ceiling and walls, whose fronts face the inside, of the materials `white`, `red` (at -x)
+/// and `green` (at +x).
 pub fn cornell(comment: &'static str) -> Model {
     let (w, h) = (HALF, HEIGHT);
     let at = |x: f64, y: f64, z: f64| dvec3(x * w, y * h, z * w);

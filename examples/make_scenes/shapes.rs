@@ -100,9 +100,9 @@ fn on_circle(radius: f64, i: usize, segments: usize) -> DVec3 {
     dvec3(radius * angle.sin(), 0.0, radius * angle.cos())
 }
 
-/// A line in the xy plane drawn along z, such as a molding or a step: flat strips between its points
-/// from `from` to `to`, which is greater. The front is to the right of the line's direction seen
-/// from +z.
+/// A line in the xy plane drawn along z, such as a molding or a step: flat strips between its
+/// points from `from` to `to`, which is greater. The front is to the right of the line's direction
+/// seen from +z.
 pub fn extruded(line: &[DVec2], from: f64, to: f64) -> Mesh {
     let strip = |pair: &[DVec2]| {
         let at = |p: DVec2, z| dvec3(p.x, p.y, z);

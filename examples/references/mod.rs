@@ -1,4 +1,5 @@
-//! Scenes at a size with long renders of them, kept from one run to the next; the error of other renders.
+//! Scenes at a size with long renders of them, kept from one run to the next; the error of other
+//! renders.
 
 use bdpm::accel::Intersect;
 use bdpm::adaptive::error_interval::ErrorInterval;
@@ -36,8 +37,8 @@ pub struct Image {
     pub chosen: Candidate,
     /// Relative squared noise.
     pub noise2: f64,
-    /// Squared noise that a second more of rendering would leave, alone: time times variance of an iteration; `None`
-    /// after too few iterations.
+    /// Squared noise that a second more of rendering would leave, alone: time times variance of an
+    /// iteration; `None` after too few iterations.
     pub cost: Option<f64>,
     /// Relative error that was promised.
     pub promised: Option<Stated>,
@@ -169,9 +170,10 @@ impl Subject {
     }
 }
 
-/// Two images of the same, independent of each other, and weights of the pixels: the root of the mean of
-/// `(x - A)(x - B)/(L^2 + 0.01 mean(L)^2)` is an error without the noise of either, which does not meet itself. `L` as the
-/// program itself weighs errors, theory.md (70a), by the mean of both, whose variance is `(A - B)^2/4`.
+/// Two images of the same, independent of each other, and weights of the pixels: the root of the
+/// mean of `(x - A)(x - B)/(L^2 + 0.01 mean(L)^2)` is an error without the noise of either, which
+/// does not meet itself. `L` as the program itself weighs errors, theory.md (70a), by the mean of
+/// both, whose variance is `(A - B)^2/4`.
 pub struct Reference {
     halves: [Vec<f64>; 2],
     weights: Vec<f64>,

@@ -18,7 +18,8 @@ const MIN_ITERATIONS: u64 = 2;
 
 /// Measures the noise coefficients of each pixel at fixed path counts, and returns a `Noise`.
 ///
-/// - `iterations`: number of measured iterations; standard errors need 32 [default: 256, without `time`].
+/// - `iterations`: number of measured iterations; standard errors need 32
+///   [default: 256, without `time`].
 /// - `time`: rendering time, seconds.
 /// - `estimator`: "pairs" for all pairs of paths, or "halves" for the estimator of the paper.
 /// - `threads`, `accel`, `progress` and the settings: as for `bdpm.render`.

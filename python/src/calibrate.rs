@@ -15,7 +15,8 @@ use std::path::PathBuf;
 
 /// The time of an iteration, seconds:
 ///
-/// fixed + light_path N_F + (camera_path + look_up) sum(N_B) + merge_pair N_F sum(N_B), summed over the pixels.
+/// fixed + light_path N_F + (camera_path + look_up) sum(N_B) + merge_pair N_F sum(N_B), summed over
+/// the pixels.
 ///
 /// All coefficients depend on scene, settings, resolution and machine.
 #[pyclass(frozen, module = "bdpm")]
@@ -73,8 +74,8 @@ impl Timings {
         self.timings.model.iteration(light_paths, camera_paths)
     }
 
-    /// Seconds per iteration by cause: fixed, light paths, camera paths, merging with its look-ups. The last three are
-    /// those of Table 2 of the paper.
+    /// Seconds per iteration by cause: fixed, light paths, camera paths, merging with its look-ups.
+    /// The last three are those of Table 2 of the paper.
     #[pyo3(signature = (*, light_paths, camera_paths))]
     fn parts(&self, light_paths: f64, camera_paths: f64) -> (f64, f64, f64, f64) {
         self.timings.model.parts(light_paths, camera_paths).into()
@@ -89,7 +90,8 @@ impl Timings {
     }
 }
 
-/// Measures the time of an iteration at several path counts, and fits a model to it. Returns `Timings`.
+/// Measures the time of an iteration at several path counts, and fits a model to it. Returns
+/// `Timings`.
 ///
 /// - `time`: measuring time, seconds; at least two rounds over all counts are measured.
 /// - `threads`, `accel` and the settings: as for `bdpm.render`. Counts are chosen.

@@ -36,8 +36,9 @@ pub struct Job {
 impl Job {
     /// Waits for the end of the render and returns its result.
     ///
-    /// `progress` is called with a `Progress` up to 20 times per second. If it returns False, the render ends with the
-    /// present image. Ctrl-C does that as well; a second Ctrl-C raises KeyboardInterrupt.
+    /// `progress` is called with a `Progress` up to 20 times per second. If it returns False, the
+    /// render ends with the present image. Ctrl-C does that as well; a second Ctrl-C raises
+    /// KeyboardInterrupt.
     #[pyo3(signature = (progress=None))]
     fn result(
         &self,
@@ -65,8 +66,8 @@ impl Job {
         self.thread.progress()
     }
 
-    /// The image so far: radiance, W/(m^2 sr), float32 of shape (height, width, 3). Waits for the end of the current
-    /// iteration. None while the technique is chosen.
+    /// The image so far: radiance, W/(m^2 sr), float32 of shape (height, width, 3). Waits for the
+    /// end of the current iteration. None while the technique is chosen.
     #[getter]
     fn image<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<f32>>>> {
         if let Some(snapshot) = self.thread.snapshot(py)? {
@@ -111,7 +112,8 @@ impl Job {
     }
 }
 
-/// Starts to render a scene in the background and returns a `Job`. The arguments are those of `bdpm.render`.
+/// Starts to render a scene in the background and returns a `Job`. The arguments are those of
+/// `bdpm.render`.
 #[pyfunction]
 #[pyo3(signature = (
     scene, *, time=None, target_error=None, target_rms=None, iterations=None, objective="relative", plan=None,

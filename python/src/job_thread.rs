@@ -1,4 +1,5 @@
-//! A job on a thread of its own, which never needs the interpreter: other threads of Python run meanwhile.
+//! A job on a thread of its own, which never needs the interpreter: other threads of Python run
+//! meanwhile.
 
 use crate::arrays::Size;
 use crate::error::{raised, warn};
@@ -129,8 +130,9 @@ impl JobThread {
         self.shared.lock().is_finished
     }
 
-    /// Waits for the end of the job. Calls `callback` with the progress, which ends the job by returning False or
-    /// raising. Ctrl-C ends the job as well; a second Ctrl-C raises KeyboardInterrupt at once.
+    /// Waits for the end of the job. Calls `callback` with the progress, which ends the job by
+    /// returning False or raising. Ctrl-C ends the job as well; a second Ctrl-C raises
+    /// KeyboardInterrupt at once.
     pub fn wait(&self, py: Python<'_>, callback: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let mut was_interrupted = false;
         loop {

@@ -1,4 +1,5 @@
-//! The extension module `bdpm._bdpm`: the library's types as Python classes, pixels as NumPy arrays.
+//! The extension module `bdpm._bdpm`: the library's types as Python classes, pixels as NumPy
+//! arrays.
 //!
 //! `bdpm/__init__.py` exports the public names, `bdpm/_bdpm.pyi` has their types.
 

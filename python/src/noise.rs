@@ -25,8 +25,8 @@ use std::path::PathBuf;
 
 /// Measured noise coefficients of each pixel.
 ///
-/// The variance of the luminance of one iteration with `N_F` light paths and `N_B` camera paths per pixel is a/(N_F N_B)
-/// + b/N_B + f/N_F.
+/// The variance of the luminance of one iteration with `N_F` light paths and `N_B` camera paths per
+/// pixel is a/(N_F N_B) + b/N_B + f/N_F.
 #[pyclass(frozen, module = "bdpm")]
 pub struct Noise {
     pub file: NoiseFile,
@@ -87,8 +87,8 @@ impl Noise {
         self.values(py, |pixel| pixel.noise.coefficients.f)
     }
 
-    /// Sample variance of the luminance of one iteration at the measured counts, which does not depend on the law:
-    /// float32 of shape (height, width).
+    /// Sample variance of the luminance of one iteration at the measured counts, which does not
+    /// depend on the law: float32 of shape (height, width).
     #[getter]
     fn sampled_variance<'py>(&self, py: Python<'py>) -> Image<'py> {
         self.values(py, |pixel| pixel.noise.sampled)
@@ -131,9 +131,11 @@ impl Noise {
         self.file.regions.iter().map(|region| region.name.clone()).collect()
     }
 
-    /// Predicts the noise of one iteration at any path counts, and after `time` seconds if `timings` are given.
+    /// Predicts the noise of one iteration at any path counts, and after `time` seconds if
+    /// `timings` are given.
     ///
-    /// - `region`: name of a region, or "x0,y0,x1,y1" in fractions of the image; by default the whole image.
+    /// - `region`: name of a region, or "x0,y0,x1,y1" in fractions of the image; by default the
+    ///   whole image.
     /// - `timings`: the times of an iteration, from `bdpm.calibrate`.
     #[pyo3(signature = (*, light_paths, camera_paths, region=None, timings=None, time=None))]
     fn predict(
@@ -171,9 +173,11 @@ impl Noise {
     ///
     /// - `timings`: from `bdpm.calibrate`, for the same scene and settings.
     /// - `time`: rendering time, seconds; at least 16 iterations fit in it.
-    /// - `target_rms`: RMS to reach: luminance, W/(m^2 sr), or text such as "1%" of the mean luminance of the region.
+    /// - `target_rms`: RMS to reach: luminance, W/(m^2 sr), or text such as "1%" of the mean
+    ///   luminance of the region.
     /// - `objective`: "relative", "pooled", "mean-rms" or "max-rms".
-    /// - `region`: name of a region, or "x0,y0,x1,y1" in fractions of the image; by default the whole image.
+    /// - `region`: name of a region, or "x0,y0,x1,y1" in fractions of the image; by default the
+    ///   whole image.
     /// - `per_pixel`: choose a number of camera paths for each pixel.
     #[pyo3(signature = (
         timings, *, time=None, target_rms=None, objective="relative", region=None, per_pixel=false
@@ -312,7 +316,8 @@ impl BestCounts {
         self.counts.light_paths
     }
 
-    /// Camera paths per pixel and iteration: a number, or uint32 of shape (height, width) if `per_pixel` was set.
+    /// Camera paths per pixel and iteration: a number, or uint32 of shape (height, width) if
+    /// `per_pixel` was set.
     #[getter]
     fn camera_paths<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         match &self.counts.camera_paths {

@@ -8,8 +8,8 @@ use std::path::PathBuf;
 
 /// Path counts of a render, with the scene and settings that they belong to.
 ///
-/// `bdpm.render(scene, plan=result.plan)` repeats an image bit for bit. The plan of `Noise.optimize` leaves the number
-/// of iterations open.
+/// `bdpm.render(scene, plan=result.plan)` repeats an image bit for bit. The plan of
+/// `Noise.optimize` leaves the number of iterations open.
 #[pyclass(frozen, module = "bdpm")]
 pub struct Plan {
     pub plan: bdpm::adaptive::plan::Plan,
@@ -20,7 +20,8 @@ pub struct Plan {
 
 #[pymethods]
 impl Plan {
-    /// Reads the plan of an EXR file that `bdpm render`, `bdpm optimize` or `RenderResult.save` wrote.
+    /// Reads the plan of an EXR file that `bdpm render`, `bdpm optimize` or `RenderResult.save`
+    /// wrote.
     #[staticmethod]
     fn load(path: PathBuf) -> PyResult<Self> {
         let read = || {
@@ -39,8 +40,8 @@ impl Plan {
         self.plan.iterations()
     }
 
-    /// For each step its light paths per iteration, its camera paths per pixel and iteration (mean over the image),
-    /// and its number of iterations (None if it is open).
+    /// For each step its light paths per iteration, its camera paths per pixel and iteration (mean
+    /// over the image), and its number of iterations (None if it is open).
     #[getter]
     fn steps(&self) -> Vec<(u32, f64, Option<u64>)> {
         let steps = self.plan.steps.iter();

@@ -17,8 +17,8 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyDict};
 use std::path::PathBuf;
 
-/// Relative RMS error of an image: the root of the mean over pixels of squared errors over squared luminances (0.01 for
-/// 1 %).
+/// Relative RMS error of an image: the root of the mean over pixels of squared errors over squared
+/// luminances (0.01 for 1 %).
 #[pyclass(frozen, get_all, module = "bdpm")]
 pub struct RelativeError {
     /// Noise and bias together.
@@ -63,7 +63,8 @@ impl RenderResult {
     ) -> PyResult<Self> {
         let seconds = result.state.elapsed().as_secs_f64();
         let image = arrays::colors(py, std::mem::take(&mut result.image), result.resolution)?;
-        // The image is returned even if a step after the first iteration fails or the noise is not known.
+        // The image is returned even if a step after the first iteration fails or the noise is not
+        // known.
         if let Some(failure) = result.state.failure.take() {
             warn(py, &format!("the image is incomplete or not denoised: {failure}"))?;
         }
@@ -90,17 +91,18 @@ impl RenderResult {
 
 #[pymethods]
 impl RenderResult {
-    /// Radiance, W/(m^2 sr), linear Rec. 709: float32 of shape (height, width, 3), the first row at the top. The
-    /// denoised image if the job denoises.
+    /// Radiance, W/(m^2 sr), linear Rec. 709: float32 of shape (height, width, 3), the first row at
+    /// the top. The denoised image if the job denoises.
     #[getter]
     pub fn image<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray3<f32>> {
         self.image.bind(py).clone()
     }
 
-    /// Layers by name: float32 of shape (height, width, 3), or (height, width) for layers of one channel.
+    /// Layers by name: float32 of shape (height, width, 3), or (height, width) for layers of one
+    /// channel.
     ///
-    /// "rms" is the RMS of the noise of each pixel as luminance, W/(m^2 sr). The others are those of the argument
-    /// `layers`. They are evaluated at the first use.
+    /// "rms" is the RMS of the noise of each pixel as luminance, W/(m^2 sr). The others are those
+    /// of the argument `layers`. They are evaluated at the first use.
     #[getter]
     fn layers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let layers = self.layers.get_or_try_init(py, || -> PyResult<_> {
@@ -123,7 +125,8 @@ impl RenderResult {
         Some(RelativeError { total, noise, bias, interval })
     }
 
-    /// RMS of the noise as luminance, W/(m^2 sr), pooled over all pixels; None if there are too few iterations.
+    /// RMS of the noise as luminance, W/(m^2 sr), pooled over all pixels; None if there are too few
+    /// iterations.
     #[getter]
     fn rms(&self) -> Option<Estimate> {
         let (value, error) = self.result.rms?;
@@ -136,7 +139,8 @@ impl RenderResult {
         self.result.state.promise()?.error
     }
 
-    /// Noise coefficients of each pixel if the render had `noise=True`; None otherwise, or with too few iterations.
+    /// Noise coefficients of each pixel if the render had `noise=True`; None otherwise, or with too
+    /// few iterations.
     #[getter]
     fn noise(&self, py: Python<'_>) -> Option<Py<Noise>> {
         self.noise.as_ref().map(|noise| noise.clone_ref(py))
@@ -173,7 +177,8 @@ impl RenderResult {
         tables::object(py, &self.result.stopped_by)
     }
 
-    /// The image as a PNG file. `tonemap` is "srgb", "agx" or "filmic"; `exposure` is in stops beside the automatic one.
+    /// The image as a PNG file. `tonemap` is "srgb", "agx" or "filmic"; `exposure` is in stops
+    /// beside the automatic one.
     #[pyo3(signature = (*, tonemap="srgb", exposure=0.0))]
     fn to_png<'py>(
         &self,
@@ -185,7 +190,8 @@ impl RenderResult {
         Ok(PyBytes::new(py, &png))
     }
 
-    /// Writes the image: to NAME.exr with all layers, settings and the plan, or to NAME.png for viewing.
+    /// Writes the image: to NAME.exr with all layers, settings and the plan, or to NAME.png for
+    /// viewing.
     ///
     /// `tonemap` and `exposure` are for PNG files, as in `to_png`.
     #[pyo3(signature = (path, *, tonemap="srgb", exposure=0.0))]

@@ -18,8 +18,10 @@ use toml::{Table, Value};
 /// A triangle mesh.
 ///
 /// - `vertices`: positions, scene units, shape (n, 3).
-/// - `triangles`: indices of vertices, integers of shape (m, 3), counterclockwise seen from the front.
-/// - `material`: the name of a material of the scene, or a dictionary with the keys of a `[materials.NAME]` table.
+/// - `triangles`: indices of vertices, integers of shape (m, 3), counterclockwise seen from the
+///   front.
+/// - `material`: the name of a material of the scene, or a dictionary with the keys of a
+///   `[materials.NAME]` table.
 /// - `normals`: normals to interpolate, shape (n, 3); without them the triangles are flat.
 /// - `uvs`: texture coordinates, shape (n, 2); `v` points up in the picture.
 /// - `colors`: factors of the albedo, linear and from 0 to 1, shape (n, 3).
@@ -82,7 +84,8 @@ impl Mesh {
     }
 }
 
-/// A scene: meshes, materials, lights and a camera. `bdpm.load` and `Scene.from_meshes` make scenes.
+/// A scene: meshes, materials, lights and a camera. `bdpm.load` and `Scene.from_meshes` make
+/// scenes.
 #[pyclass(frozen, module = "bdpm")]
 pub struct Scene {
     pub loaded: Loaded,
@@ -93,8 +96,10 @@ impl Scene {
     /// Builds a scene from arrays.
     ///
     /// - `meshes`: a list of `Mesh`.
-    /// - `camera`: the keys of a `[camera]` table, such as dict(position=(0, 1, 4), target=(0, 0, 0), fov_y_deg=40).
-    /// - `lights`: a list of `[[light]]` tables, such as dict(type="point", position=(0, 3, 0), intensity=20).
+    /// - `camera`: the keys of a `[camera]` table, such as dict(position=(0, 1, 4), target=(0, 0,
+    ///   0), fov_y_deg=40).
+    /// - `lights`: a list of `[[light]]` tables, such as dict(type="point", position=(0, 3, 0),
+    ///   intensity=20).
     /// - `environment`: an `[environment]` table.
     /// - `materials`: `[materials.NAME]` tables by name.
     /// - `regions`: lists of rectangles (x0, y0, x1, y1) in fractions of the image, by name.
@@ -174,7 +179,8 @@ impl Scene {
         self.loaded.scene.regions.iter().map(|region| region.name.clone()).collect()
     }
 
-    /// Settings of the scene file, as a dictionary. They are defaults of a render that chooses nothing.
+    /// Settings of the scene file, as a dictionary. They are defaults of a render that chooses
+    /// nothing.
     #[getter]
     fn settings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         tables::object(py, &self.loaded.defaults)
@@ -191,15 +197,19 @@ impl Scene {
     }
 }
 
-/// Loads a scene file (.toml, .gltf, .glb, .obj, .xml of Mitsuba or .pbrt of pbrt-v4), or a folder with scene.toml.
+/// Loads a scene file (.toml, .gltf, .glb, .obj, .xml of Mitsuba or .pbrt of pbrt-v4), or a folder
+/// with scene.toml.
 ///
 /// - `camera`: name of a camera of a glTF or Mitsuba file; the first one by default.
 /// - `strict`: refuse a scene if a part of it would be skipped.
-/// - `environment`: an .exr or .hdr file, or a radiance in W/(m^2 sr), in place of the environment of the file.
+/// - `environment`: an .exr or .hdr file, or a radiance in W/(m^2 sr), in place of the environment
+///   of the file.
 /// - `fallback_light`: add a light to a glTF or OBJ file that has none.
 /// - `camera_from`: a scene whose camera replaces the scene's own.
-/// - `look_at`: moves the camera: position, target and optionally up vector, such as ((0, 1, 5), (0, 1, 0)).
-/// - `fov`: full opening angle of the camera in degrees, across the side to which its own angle refers.
+/// - `look_at`: moves the camera: position, target and optionally up vector, such as ((0, 1, 5),
+///   (0, 1, 0)).
+/// - `fov`: full opening angle of the camera in degrees, across the side to which its own angle
+///   refers.
 ///
 /// Raises bdpm.Error with the file and the line that cannot be read.
 #[pyfunction]

@@ -22,8 +22,8 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Iterations if neither --iterations nor --time is given. Standard errors come from 16 batches. With 16
-/// iterations per batch, sums over regions are approximately normal.
+/// Iterations if neither --iterations nor --time is given. Standard errors come from 16 batches.
+/// With 16 iterations per batch, sums over regions are approximately normal.
 const DEFAULT_ITERATIONS: u64 = 256;
 
 /// Minimum number of iterations for a sample variance.

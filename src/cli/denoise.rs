@@ -88,8 +88,8 @@ fn inputs(image: &Image) -> Result<(Vec<Vec3>, Guides)> {
     Ok((finite(radiance), guides))
 }
 
-/// Replaces the image by the denoised one, and keeps the raw one in the layer [`NOISY`]. Other channels, such as alpha,
-/// are unchanged.
+/// Replaces the image by the denoised one, and keeps the raw one in the layer [`NOISY`]. Other
+/// channels, such as alpha, are unchanged.
 fn replace(image: &mut Image, denoised: &[Rgb]) {
     // Layers and errors of an earlier denoised image no longer hold.
     image.layers.retain(|layer| !layer.name.starts_with("denoised"));

@@ -5,7 +5,7 @@ use bdpm::base::error::{Error, Result};
 use bdpm::base::math::Rgb;
 use bdpm::image_io::Metadata;
 use bdpm::import::{RadianceImage, read_radiance};
-use bdpm::output::glare::{Glare, LuminanceImage, SEARCH_ANGLE, THRESHOLD};
+use bdpm::light::glare::{Glare, LuminanceImage, SEARCH_ANGLE, THRESHOLD};
 use bdpm::output::recorded_camera::RecordedCamera;
 use bdpm::scene::FisheyeProjection;
 use bdpm::settings::provenance::Provenance;
@@ -109,7 +109,8 @@ fn check_finite((width, _): (u32, u32), pixels: &[Rgb]) -> Result<()> {
     Err(Error::new(problem, "render the image again, or replace these pixels"))
 }
 
-/// Projection and full angle of the image circle, degrees: those of the file if it states its camera.
+/// Projection and full angle of the image circle, degrees: those of the file if it states its
+/// camera.
 fn lens(args: &Args, metadata: &Metadata) -> Result<(FisheyeProjection, f64)> {
     let requested = args.projection.map(FisheyeProjection::from);
     let (projection, fov) = match RecordedCamera::read(metadata)? {

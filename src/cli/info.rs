@@ -97,7 +97,8 @@ struct CameraSummary {
     optics: OpticsSummary,
 }
 
-/// Camera optics: angles in degrees across the width or height of the image, lengths in scene units, times in seconds.
+/// Camera optics: angles in degrees across the width or height of the image, lengths in scene
+/// units, times in seconds.
 #[derive(Serialize)]
 #[serde(tag = "type", rename_all = "kebab-case")]
 enum OpticsSummary {
@@ -231,8 +232,8 @@ impl<'a> InfoReport<'a> {
     }
 }
 
-/// Names of the settings that automatic rendering does not choose, because the command line fixes them or a pilot never
-/// does.
+/// Names of the settings that automatic rendering does not choose, because the command line fixes
+/// them or a pilot never does.
 fn fixed_names(command_line: &PartialSettings) -> BTreeSet<String> {
     let mut names = given_names(command_line);
     names.extend(["width", "height", "seed"].map(str::to_owned));

@@ -6,11 +6,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Signals within this time of the first one belong to the same request: `timeout` and terminals send one to a program
-/// and one to its group.
+/// Signals within this time of the first one belong to the same request: `timeout` and terminals
+/// send one to a program and one to its group.
 const SAME_REQUEST: Duration = Duration::from_secs(2);
 
-/// Sets the returned flag on Ctrl-C and on requests to terminate. A second, later one ends the program at once.
+/// Sets the returned flag on Ctrl-C and on requests to terminate. A second, later one ends the
+/// program at once.
 pub fn catch_interrupts(progress: Progress) -> Result<Arc<AtomicBool>> {
     let interrupted = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&interrupted);

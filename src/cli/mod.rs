@@ -128,8 +128,8 @@ impl From<String> for Output {
     }
 }
 
-/// Runs the program: 0 on success, 1 on an error, 2 on wrong usage, 4 if the result is incomplete, 130 if an interrupt
-/// left no result.
+/// Runs the program: 0 on success, 1 on an error, 2 on wrong usage, 4 if the result is incomplete,
+/// 130 if an interrupt left no result.
 pub fn run() -> ExitCode {
     let arguments: Vec<OsString> = std::env::args_os().collect();
     let matches = match definition().try_get_matches_from(&arguments) {

@@ -41,7 +41,8 @@ pub struct Args {
     /// Read the time of an iteration from this file of `bdpm calibrate` or Criterion folder
     ///
     /// The folder is target/criterion after `cargo bench --bench tau`. The file may also be a JSON
-    /// object with the keys fixed, light_path, camera_path, look_up, merge_pair (seconds) and pixels.
+    /// object with the keys fixed, light_path, camera_path, look_up, merge_pair (seconds) and
+    /// pixels.
     #[arg(long, value_name = "T.json|FOLDER")]
     timings: Option<PathBuf>,
     /// Minimize this aggregate of the variances of all pixels
@@ -88,7 +89,8 @@ pub struct OptimizeReport {
     /// Maximum of light paths that fit in the memory, if it was given.
     pub most_light_paths: Option<u32>,
     pub rows: Vec<CountsRow>,
-    /// Light paths whose cost at the best uniform number of camera paths is within 1 % of the least.
+    /// Light paths whose cost at the best uniform number of camera paths is within 1 % of the
+    /// least.
     pub flat_range: [u32; 2],
     pub times: Times,
     pub output: Option<String>,

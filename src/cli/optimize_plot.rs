@@ -5,7 +5,7 @@ use bdpm::adaptive::optimize::Problem;
 use bdpm::adaptive::optimize::measured::Budget;
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::{Error, Result};
-use bdpm::output::page::noise_plot::{NoisePlot, rms_label};
+use bdpm::report::noise_plot::{NoisePlot, rms_label};
 use std::ops::RangeInclusive;
 use std::path::Path;
 

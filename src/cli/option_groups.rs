@@ -75,8 +75,8 @@ const EXPERT: &str = "Expert";
 /// Last line of short help texts.
 const MORE: &str = "`--help` shows all options.";
 
-/// Position of an option in help texts, its heading, and whether `-h` shows it. Positional arguments precede all
-/// groups, options outside of the groups follow them.
+/// Position of an option in help texts, its heading, and whether `-h` shows it. Positional
+/// arguments precede all groups, options outside of the groups follow them.
 fn place(argument: &Arg) -> (usize, Option<&'static str>, bool) {
     let id = argument.get_id().as_str();
     let mut position = 1;

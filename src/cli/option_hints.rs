@@ -1,9 +1,10 @@
-//! Names the options that an error's advice is about. The library names quantities, since programs that use it have no
-//! command line.
+//! Names the options that an error's advice is about. The library names quantities, since programs
+//! that use it have no command line.
 
 use clap::Command;
 
-/// Quantities in the advice of errors, and their options. Phrases are whole words, longer ones before their parts.
+/// Quantities in the advice of errors, and their options. Phrases are whole words, longer ones
+/// before their parts.
 const OPTIONS: &[(&str, &str)] = &[
     ("light paths", "light-paths"),
     ("light path", "light-paths"),
@@ -33,8 +34,8 @@ const OPTIONS: &[(&str, &str)] = &[
     ("table of meters", "meters"),
 ];
 
-/// Appends a line with the options of `command` that change the quantities in the advice of a shown error. An error
-/// that names an option already is unchanged.
+/// Appends a line with the options of `command` that change the quantities in the advice of a shown
+/// error. An error that names an option already is unchanged.
 pub fn with_options(error: &str, command: &Command) -> String {
     let has_option = |name: &str| {
         let mut options = command.get_arguments();

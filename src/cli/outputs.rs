@@ -1,5 +1,5 @@
-//! Files that a command writes. They are checked before any work is done. If one of them fails at the end, the
-//! others are written all the same.
+//! Files that a command writes. They are checked before any work is done. If one of them fails at
+//! the end, the others are written all the same.
 
 use super::say;
 use bdpm::base::atomic::check_writable;

@@ -41,7 +41,8 @@ pub struct Args {
     /// Read the time of an iteration from this file of `bdpm calibrate` or Criterion folder
     ///
     /// The folder is target/criterion after `cargo bench --bench tau`. The file may also be a JSON
-    /// object with the keys fixed, light_path, camera_path, look_up, merge_pair (seconds) and pixels.
+    /// object with the keys fixed, light_path, camera_path, look_up, merge_pair (seconds) and
+    /// pixels.
     #[arg(long, value_name = "T.json|FOLDER", requires = "time")]
     timings: Option<PathBuf>,
     /// Predict the noise after this rendering time, such as 1000s or 1h

@@ -1,5 +1,5 @@
-//! File name of the preview of an image. The user does not choose this name, so a preview replaces only other
-//! previews: `model.exr` may be rendered from a model whose texture is `model.png`.
+//! File name of the preview of an image. The user does not choose this name, so a preview replaces
+//! only other previews: `model.exr` may be rendered from a model whose texture is `model.png`.
 
 use bdpm::base::error::{Error, Result};
 use bdpm::base::input::read_as;

@@ -110,7 +110,8 @@ impl Progress {
         }
     }
 
-    /// Returns true if the program that read the JSON objects is gone, so the image is no longer needed.
+    /// Returns true if the program that read the JSON objects is gone, so the image is no longer
+    /// needed.
     pub fn is_orphan(&self) -> bool {
         self.is_orphan
     }

@@ -199,8 +199,8 @@ impl Args {
         })
     }
 
-    /// Reads a plan and the provenance of its image. A plan without a number of iterations fixes neither seed nor
-    /// version.
+    /// Reads a plan and the provenance of its image. A plan without a number of iterations fixes
+    /// neither seed nor version.
     fn read_plan(&self, path: &Path) -> Result<(Plan, Provenance)> {
         let image = image_io::read_exr(path)?;
         let plan = Plan::read_from(&image).map_err(|e| e.at(path))?;
@@ -243,7 +243,8 @@ impl Args {
         }
     }
 
-    /// Layers to accumulate. A resumed image has those of its checkpoint, unless --layers names others.
+    /// Layers to accumulate. A resumed image has those of its checkpoint, unless --layers names
+    /// others.
     fn aovs(&self, is_resumed: bool) -> AovSelection {
         if is_resumed && self.layers.is_empty() {
             return AovSelection::default();

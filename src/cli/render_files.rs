@@ -14,9 +14,9 @@ use bdpm::base::photometry::LUMENS_PER_WATT;
 use bdpm::image_io;
 use bdpm::image_io::{DisplayWindow, ExrFormat, Image, Layer, ToneMapping, Value};
 use bdpm::job::RenderState;
+use bdpm::light::false_color::{ColorScale, FalseColorMap, ValueGrid};
 use bdpm::output::denoise;
 use bdpm::output::denoise::Denoised;
-use bdpm::output::false_color::{ColorScale, FalseColorMap, ValueGrid};
 use bdpm::output::layers::{LayerName, LayerSelection};
 use bdpm::output::recorded_camera::record;
 use bdpm::render::accumulators::SharedStatistics;
@@ -46,7 +46,8 @@ const CHECKPOINT_PIXEL: Duration = Duration::from_nanos(800);
 /// Share of the given time after which the time of writing is estimated.
 const ESTIMATE_AFTER: f64 = 0.15;
 
-/// Share of the given time that writing must take by [`WRITE_PIXEL`] to be estimated. A lower share does not matter.
+/// Share of the given time that writing must take by [`WRITE_PIXEL`] to be estimated. A lower share
+/// does not matter.
 const MIN_ESTIMATED: f64 = 0.005;
 
 /// Files to write.
@@ -84,8 +85,8 @@ impl Outputs {
         all
     }
 
-    /// Refuses to replace files that were read, except for the checkpoint that is continued. The preview gets another
-    /// name if its file is not a preview; returns true in this case.
+    /// Refuses to replace files that were read, except for the checkpoint that is continued. The
+    /// preview gets another name if its file is not a preview; returns true in this case.
     pub fn spare_inputs(&mut self, args: &Args) -> Result<bool> {
         let beside = self.png.clone();
         self.png = preview::aside(&beside)?;
@@ -121,7 +122,8 @@ impl FileSchedule {
         Self { next_image, next_checkpoint: CHECKPOINT_EVERY, next_estimate }
     }
 
-    /// Writes the files that are due. A failure is only a warning, since its cause may be gone at the last write.
+    /// Writes the files that are due. A failure is only a warning, since its cause may be gone at
+    /// the last write.
     pub fn write_when_due(
         &mut self,
         writer: &mut Writer,
@@ -205,7 +207,8 @@ impl Writer {
         self.time += start.elapsed();
     }
 
-    /// Writes the image of a job. The preview is the denoised image if there is one, else the image.
+    /// Writes the image of a job. The preview is the denoised image if there is one, else the
+    /// image.
     pub fn save_image(
         &mut self,
         state: &RenderState,
@@ -290,7 +293,8 @@ impl Writer {
         layers
     }
 
-    /// Estimates the time of [`Self::save_image`] by writing a part of the image to a temporary file beside it.
+    /// Estimates the time of [`Self::save_image`] by writing a part of the image to a temporary
+    /// file beside it.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -336,8 +340,8 @@ fn write_luminance(path: &Path, (width, height): (u32, u32), pixels: &[Rgb]) -> 
     FalseColorMap { grid, scale, unit: "cd/m²", captions: &captions }.write_png(path)
 }
 
-/// Time of a file of `height` lines, from the time of one of `rows` lines. A time `fixed` for opening and closing the file
-/// does not depend on the number of lines.
+/// Time of a file of `height` lines, from the time of one of `rows` lines. A time `fixed` for
+/// opening and closing the file does not depend on the number of lines.
 fn whole_time(part: Duration, fixed: Duration, (rows, height): (u32, u32)) -> Duration {
     part.saturating_sub(fixed).mul_f64(f64::from(height) / f64::from(rows)) + fixed.min(part)
 }

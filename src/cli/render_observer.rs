@@ -99,7 +99,8 @@ impl<'a> RenderObserver<'a> {
         self.progress.start();
     }
 
-    /// Writes the page before the first image. A failure is a warning, since the last write reports it as an error.
+    /// Writes the page before the first image. A failure is a warning, since the last write reports
+    /// it as an error.
     fn announce_page(&mut self, provenance: &Provenance) {
         if let Some(page) = &mut self.page
             && let Err(error) = page.announce(self.input, provenance)

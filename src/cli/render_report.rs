@@ -27,7 +27,8 @@ pub struct RenderReport<'a> {
     /// True if the path counts were chosen automatically.
     pub automatic: bool,
     pub blocks: Vec<BlockReport>,
-    /// Pooled RMS of the image and its standard error, W/(m^2 sr), and the RMS relative to the mean luminance.
+    /// Pooled RMS of the image and its standard error, W/(m^2 sr), and the RMS relative to the mean
+    /// luminance.
     pub rms: Option<f64>,
     pub rms_error: Option<f64>,
     pub relative_rms: Option<f64>,
@@ -108,7 +109,8 @@ pub fn block_reports(image: &CombinedImage, blocks: &[Block]) -> Vec<BlockReport
     blocks.iter().zip(image.weights()).map(report).collect()
 }
 
-/// Prints the image, its path counts and `more` at the start of a job. `verb` says what the job does.
+/// Prints the image, its path counts and `more` at the start of a job. `verb` says what the job
+/// does.
 pub fn announce(progress: &Progress, state: &RenderState, verb: &str, more: &str) {
     let counts = match state.is_automatic {
         true => "path counts chosen automatically".to_owned(),
@@ -266,8 +268,8 @@ fn denoised(report: &DenoisedReport) -> String {
     text
 }
 
-/// The chosen technique, and its advantage over the runner-up. Radii and guide are those of photons, which path tracing
-/// does not have.
+/// The chosen technique, and its advantage over the runner-up. Radii and guide are those of
+/// photons, which path tracing does not have.
 fn technique(chosen: &Selection) -> String {
     let best = chosen.best();
     let mut text = format!(
@@ -285,7 +287,8 @@ fn technique(chosen: &Selection) -> String {
             text += &format!("; {}", guided.describe());
         }
     }
-    // The runner-up may look too good if it was not tried at its best radii, so only its disadvantages are shown.
+    // The runner-up may look too good if it was not tried at its best radii, so only its
+    // disadvantages are shown.
     if let Some(next) = chosen.runner_up() {
         let name = next.technique.describe();
         let (error, seconds) = (next.error / best.error, next.seconds / best.seconds);

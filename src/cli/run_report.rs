@@ -38,7 +38,9 @@ pub struct RunReport<'a> {
     non_finite: u64,
 }
 
-/// Wall-clock times. `total` is the time from the start of the program to the report, files included. `light`, `camera` and `merge` are busy thread-seconds over the threads of all processes.
+/// Wall-clock times. `total` is the time from the start of the program to the report, files
+/// included. `light`, `camera` and `merge` are busy thread-seconds over the threads of all
+/// processes.
 #[derive(Default, Serialize)]
 pub struct Seconds {
     pub total: f64,
@@ -55,7 +57,8 @@ pub struct Seconds {
     pub adding: f64,
 }
 
-/// Mean luminance of the image as it is written: corrected for the merge bias, and denoised if asked for.
+/// Mean luminance of the image as it is written: corrected for the merge bias, and denoised if
+/// asked for.
 fn mean_luminance(result: &RenderResult) -> f64 {
     let image = result.state.image();
     if image.bias_correction().is_none() && result.state.denoising.is_none() {

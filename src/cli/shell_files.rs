@@ -1,5 +1,5 @@
-//! `bdpm completions SHELL` and `bdpm man DIR`: files for the shell and the manual, made from the definitions of the
-//! options.
+//! `bdpm completions SHELL` and `bdpm man DIR`: files for the shell and the manual, made from the
+//! definitions of the options.
 
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::{Error, Result};
@@ -46,7 +46,8 @@ pub fn manual(args: &ManArgs, mut command: Command) -> Result<String> {
 
 fn write_page(folder: &Path, command: &Command, name: &str) -> Result<String> {
     let path = folder.join(format!("{name}.1"));
-    // Pages describe all options, also those that `-h` leaves out, and need no reference to `--help`
+    // Pages describe all options, also those that `-h` leaves out, and need no reference to
+    // `--help`
     let command = command.clone().mut_args(|argument| argument.hide_short_help(false));
     let command = command.after_help(None::<&'static str>).after_long_help(None::<&'static str>);
     let page = Man::new(command).title(name).manual("bdpm");

@@ -1,4 +1,5 @@
-//! Tips for command lines that cannot be parsed: options of other renderers, and a scene without a subcommand.
+//! Tips for command lines that cannot be parsed: options of other renderers, and a scene without a
+//! subcommand.
 
 use bdpm::import::SCENE_EXTENSIONS;
 use clap::Command;
@@ -6,8 +7,8 @@ use clap::error::{ContextKind, ContextValue, Error, ErrorKind};
 use std::ffi::OsString;
 use std::path::Path;
 
-/// Options of other renderers: their names, and the tip. A tip is shown if the subcommand has the options that the tip
-/// names.
+/// Options of other renderers: their names, and the tip. A tip is shown if the subcommand has the
+/// options that the tip names.
 const FOREIGN_OPTIONS: &[(&[&str], &str)] = &[
     (
         &["--spp", "--samples", "--samples-per-pixel"],
@@ -16,7 +17,8 @@ const FOREIGN_OPTIONS: &[(&[&str], &str)] = &[
     (&["--width", "--height", "--size"], "use `--resolution WxH`, such as --resolution 1280x720"),
 ];
 
-/// Adds a tip to an error of `arguments`, which start with the name of the program, if there is one.
+/// Adds a tip to an error of `arguments`, which start with the name of the program, if there is
+/// one.
 pub fn with_tip(mut error: Error, program: &Command, arguments: &[OsString]) -> Error {
     let text = |kind| match error.get(kind) {
         Some(ContextValue::String(text)) => text.clone(),

@@ -1,4 +1,5 @@
-//! `bdpm render --verbose`: settings with their origin, candidates of the pilot, and times of phases.
+//! `bdpm render --verbose`: settings with their origin, candidates of the pilot, and times of
+//! phases.
 
 use super::human_time;
 use super::render::Args;
@@ -68,8 +69,8 @@ pub fn revision(state: &RenderState) -> Option<String> {
     ))
 }
 
-/// The best candidates of the pilot with their predicted errors, and with the reason if they were compared by other
-/// errors, or by other times if no time ends the render.
+/// The best candidates of the pilot with their predicted errors, and with the reason if they were
+/// compared by other errors, or by other times if no time ends the render.
 fn candidates(selection: &Selection, has_time: bool) -> Vec<String> {
     let listed = &selection.candidates[..CANDIDATES.min(selection.candidates.len())];
     // Equal penalties do not change the order.

@@ -1,4 +1,5 @@
-//! Finds and loads Embree's library when it is first used, so that programs start wherever they and it are.
+//! Finds and loads Embree's library when it is first used, so that programs start wherever they and
+//! it are.
 
 use crate::Functions;
 use libloading::Library;
@@ -7,8 +8,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// Names of the library of version 4. The second is that of installations for developers, where the first may be another:
-/// packages that carry the library rename it.
+/// Names of the library of version 4. The second is that of installations for developers, where the
+/// first may be another: packages that carry the library rename it.
 const NAMES: &[&str] = if cfg!(windows) {
     &["embree4.dll"]
 } else if cfg!(target_os = "macos") {
@@ -42,8 +43,9 @@ impl std::error::Error for LoadError {}
 
 static FUNCTIONS: OnceLock<Result<Functions, LoadError>> = OnceLock::new();
 
-/// Loads the library, if that was not done before: from `EMBREE_DIR`, if that is set; beside the executable or one of its
-/// folders, with `.embree` and `lib` below them; or where the system finds it.
+/// Loads the library, if that was not done before: from `EMBREE_DIR`, if that is set; beside the
+/// executable or one of its folders, with `.embree` and `lib` below them; or where the system finds
+/// it.
 ///
 /// # Errors
 /// If there is none, or it lacks functions of the header.
@@ -87,10 +89,11 @@ fn find_and_load() -> Result<Functions, LoadError> {
 }
 
 fn load_from(place: &Path) -> Result<Functions, String> {
-    // SAFETY: loading runs the library's initializers, which set it up and do nothing else, and so do its finalizers.
+    // SAFETY: loading runs the library's initializers, which set it up and do nothing else, and so
+    // do its finalizers.
     let library = unsafe { Library::new(place) };
-    // SAFETY: the types are those of the library's header. The version of the loaded library is for the caller to
-    // check, as with a library that is linked.
+    // SAFETY: the types are those of the library's header. The version of the loaded library is for
+    // the caller to check, as with a library that is linked.
     let functions = library.and_then(|library| unsafe { Functions::of(library) });
     functions.map_err(|error| error.to_string())
 }

@@ -1,5 +1,5 @@
-//! The raw API as bound here, end to end: a device, a triangle and an instance of it, a ray, and every
-//! bound struct's layout as the linked library sees it.
+//! The raw API as bound here, end to end: a device, a triangle and an instance of it, a ray, and
+//! every bound struct's layout as the linked library sees it.
 #![allow(unsafe_code)] // what is tested
 
 use embree4_sys::*;
@@ -16,8 +16,8 @@ fn new_device() -> RTCDevice {
     device
 }
 
-/// The triangle (0,0,0) (1,0,0) (0,1,0) as geometry 0, and an instance of it as geometry 1, moved by
-/// [`INSTANCE_AT`] along x.
+/// The triangle (0,0,0) (1,0,0) (0,1,0) as geometry 0, and an instance of it as geometry 1, moved
+/// by [`INSTANCE_AT`] along x.
 struct Scene {
     device: RTCDevice,
     triangle: RTCScene,
@@ -29,8 +29,8 @@ const INSTANCE_AT: f32 = 8.0;
 impl Scene {
     fn new() -> Self {
         let device = new_device();
-        // SAFETY: Embree's set-up sequence on valid handles of one device, used by this thread only;
-        // both buffers are as long as what is written to them, and indices are below three.
+        // SAFETY: Embree's set-up sequence on valid handles of one device, used by this thread
+        // only; both buffers are as long as what is written to them, and indices are below three.
         unsafe {
             let triangle = rtcNewScene(device);
             let geometry = rtcNewGeometry(device, RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE);
@@ -168,8 +168,8 @@ fn the_library_stays_inside_a_single_ray() {
 
 macro_rules! packet_stays_inside {
     ($test:ident, $n:literal, $packet:ident, $intersect:ident, $occluded:ident) => {
-        /// As for single rays. Every other lane is masked and must stay as it is; of the others, every
-        /// other sees the instance.
+        /// As for single rays. Every other lane is masked and must stay as it is; of the others,
+        /// every other sees the instance.
         #[test]
         fn $test() {
             #[repr(align(64))]
@@ -191,8 +191,8 @@ macro_rules! packet_stays_inside {
 
             let (lanes, scene) = (valid.0.as_ptr(), scene.handle);
             let mut guarded = Guarded::new(packet);
-            // SAFETY: a committed scene; mask and packet have the alignment that Embree asks for and
-            // the header's types; default arguments.
+            // SAFETY: a committed scene; mask and packet have the alignment that Embree asks for
+            // and the header's types; default arguments.
             unsafe { $intersect(lanes, scene, guarded.pointer(), null_mut()) };
             guarded.assert_intact();
             let mut rays = Guarded::new(packet.ray);

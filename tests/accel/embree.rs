@@ -344,8 +344,9 @@ fn mangled(ray: &Ray, random: &mut Random) -> Ray {
     ray
 }
 
-/// No promise about the answers to rays that are no rays, only that they come and name something. Sound
-/// rays beside them are answered as if alone, but for coherent ones, which Embree bounds together.
+/// No promise about the answers to rays that are no rays, only that they come and name something.
+/// Sound rays beside them are answered as if alone, but for coherent ones, which Embree bounds
+/// together.
 #[test]
 fn no_numbers_of_a_ray_do_harm() {
     let ball = Mesh::bumpy_ball(20);

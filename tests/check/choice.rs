@@ -29,9 +29,9 @@ fn block_means(result: &RenderResult) -> Vec<f64> {
     means
 }
 
-/// The plan of each automatic render, rendered again with another seed, has the same mean. Which plans there are depends
-/// on measured times; the statement holds for any. Guide and bias correction are part of it, as in every render without
-/// options.
+/// The plan of each automatic render, rendered again with another seed, has the same mean. Which
+/// plans there are depends on measured times; the statement holds for any. Guide and bias
+/// correction are part of it, as in every render without options.
 #[test]
 fn automatic_renders_have_the_mean_of_their_replays() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box-classic");
@@ -78,8 +78,8 @@ fn automatic_renders_have_the_mean_of_their_replays() {
     let mean = scores.iter().sum::<f64>() / count;
     let square = scores.iter().map(|z| z * z).sum::<f64>() / count;
     println!("{chosen:?}: mean of z {mean:.3}, of z^2 {square:.3}");
-    // Blocks share light paths, so that a quarter of the 36 are independent, or more. Student's t has the
-    // variance 31/29.
+    // Blocks share light paths, so that a quarter of the 36 are independent, or more. Student's t
+    // has the variance 31/29.
     let independent = count / 4.0;
     assert!(mean.abs() < 4.0 / independent.sqrt(), "{mean} {scores:?}");
     assert!((square - 31.0 / 29.0).abs() < 4.0 * (2.0 / independent).sqrt(), "{square} {scores:?}");

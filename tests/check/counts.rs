@@ -1,4 +1,5 @@
-//! The image that blocks of automatic counts make together. More of counts is in `tests/noise/counts.rs`.
+//! The image that blocks of automatic counts make together. More of counts is in
+//! `tests/noise/counts.rs`.
 
 use crate::common::Estimate;
 use crate::common::automatic::*;

@@ -43,7 +43,8 @@ fn check(name: &str, light_paths: u32, camera_paths: u32, seeds: RangeInclusive<
         assert!(mixed <= 1.02 * raw, "{name} {iterations}: the mix is worse, {found:?}");
         means.push((z2, blocks));
     }
-    // Blocks share light paths. Where noise is rare and bright, the reported standard errors are too large.
+    // Blocks share light paths. Where noise is rare and bright, the reported standard errors are
+    // too large.
     let count: usize = means.iter().map(|(_, blocks)| blocks).sum();
     let z2 = means.iter().map(|(z2, blocks)| z2 * *blocks as f64).sum::<f64>() / count as f64;
     assert!((0.4..2.2).contains(&z2), "{name}: {z2} of {count} blocks");

@@ -1,6 +1,7 @@
-//! Tests that are too long for `make test`: statistical tables, the paper's experiment, and a page of a
-//! render. `make check` runs the tables, `make check-long` the longest ones, `make check-report` the others.
-//! The suite has a case or two of each table in a module of the same name.
+//! Tests that are too long for `make test`: statistical tables, the paper's experiment, and a page
+//! of a render. `make check` runs the tables, `make check-long` the longest ones,
+//! `make check-report` the others. The suite has a case or two of each table in a module of the
+//! same name.
 
 #[path = "../common/mod.rs"]
 mod common;

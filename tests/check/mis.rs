@@ -1,4 +1,5 @@
-//! Furnaces in which paths are found in several ways: those that `tests/transport/mis.rs` has no time for.
+//! Furnaces in which paths are found in several ways: those that `tests/transport/mis.rs` has no
+//! time for.
 
 // The resolutions below limit the standard errors alone, so that a test says something. Means are
 // held to four of their own standard errors. Radii shrink at the 5120 triangles of each ball, which
@@ -41,7 +42,8 @@ fn rough_objects_in_a_furnace_have_its_radiance() {
     );
 }
 
-/// Walls under a coat, between which light paths choose to be mirrored and camera paths are, too, where they are cut.
+/// Walls under a coat, between which light paths choose to be mirrored and camera paths are, too,
+/// where they are cut.
 #[test]
 #[ignore = "takes minutes: make check-long"]
 fn coated_walls_in_a_furnace_have_its_radiance() {

@@ -1,5 +1,5 @@
-//! `bdpm render --report`: pages of a render under way and of one that is over, which `make check-report` opens in a
-//! browser then.
+//! `bdpm render --report`: pages of a render under way and of one that is over, which
+//! `make check-report` opens in a browser then.
 
 use std::fs;
 use std::io::ErrorKind;

@@ -1,4 +1,5 @@
-//! Far counts by the strategies that `tests/noise/predicts.rs` leaves out, by areas, and of scenes of this project.
+//! Far counts by the strategies that `tests/noise/predicts.rs` leaves out, by areas, and of scenes
+//! of this project.
 
 use crate::common::committed;
 use crate::common::far_counts::{Subject, assert_far_counts};
@@ -33,8 +34,8 @@ fn noise_of_guided_light_paths_is_predicted_at_far_counts() {
         .assert_far_counts(&[(30_000, 4, 1000), (300, 100, 800)]);
 }
 
-/// Direct light from photons in fog. All pixels share bright photons, so that the error of a sampled
-/// variance is underestimated at the iterations of `tests/transport/media.rs`.
+/// Direct light from photons in fog. All pixels share bright photons, so that the error of a
+/// sampled variance is underestimated at the iterations of `tests/transport/media.rs`.
 #[test]
 #[ignore = "takes minutes: make check-long"]
 fn noise_of_photons_in_media_is_predicted() {
@@ -57,7 +58,8 @@ fn noise_of_photons_in_media_is_predicted() {
     }
 }
 
-/// By all ways at once, with areas and a radius of their own for caustics, as a render without options does.
+/// By all ways at once, with areas and a radius of their own for caustics, as a render without
+/// options does.
 #[test]
 #[ignore = "takes minutes: make check-long"]
 fn noise_of_every_technique_is_predicted_at_far_counts() {

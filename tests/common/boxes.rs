@@ -155,7 +155,8 @@ fn all_lights() -> Arc<Scene> {
     scene(meshes, vec![gray(0.5, 0.0), gray(0.0, 4.0)], lights, camera.unwrap())
 }
 
-/// A closed box with a block, under a point luminaire, a flat opening that shines up and down, and a lantern.
+/// A closed box with a block, under a point luminaire, a flat opening that shines up and down, and
+/// a lantern.
 pub fn luminaires() -> Arc<Scene> {
     let mut meshes = Vec::new();
     for axis in [Vec3::X, Vec3::Y, Vec3::Z] {

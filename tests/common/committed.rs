@@ -10,8 +10,8 @@ use std::sync::Arc;
 /// Pixels across.
 const WIDTH: u32 = 16;
 
-/// Scenes whose image a path tracer can make, if necessary without the lights that no ray can hit: it
-/// misses their caustics.
+/// Scenes whose image a path tracer can make, if necessary without the lights that no ray can hit:
+/// it misses their caustics.
 pub const TRACED: [&str; 6] =
     ["cornell-box", "keyhole", "materials", "caustic-sphere", "objective", "hall"];
 
@@ -34,7 +34,8 @@ pub fn across(name: &str, pixels: u32) -> (Arc<Scene>, Settings) {
     (loaded.scene, settings)
 }
 
-/// The scene whose images are compared in place of `scene`, if another one is. It has the same geometry.
+/// The scene whose images are compared in place of `scene`, if another one is. It has the same
+/// geometry.
 pub fn compared(name: &str, scene: &Arc<Scene>) -> Option<Arc<Scene>> {
     LAMPS_ALONE.contains(&name).then(|| {
         let (meshes, placements) = (scene.meshes().to_vec(), scene.placements().to_vec());

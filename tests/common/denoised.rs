@@ -41,7 +41,8 @@ impl Reference {
         Self::of(renderer.film())
     }
 
-    /// The weighted mean square of what an image is off by, less what the reference's own noise adds.
+    /// The weighted mean square of what an image is off by, less what the reference's own noise
+    /// adds.
     pub fn error(&self, image: impl Iterator<Item = f64>, weights: &[f64]) -> f64 {
         let own = self.luminance.iter().zip(&self.variance).zip(weights);
         let sum: f64 = image.zip(own).map(|(x, ((l, v), w))| w * ((x - l).powi(2) - v)).sum();
@@ -59,8 +60,8 @@ pub struct Found {
     /// Reported squared error of the mix, and its standard error.
     pub reported: f64,
     pub error: f64,
-    /// Deviation of the reported from the measured error in blocks of 16 by 16 pixels, in standard errors: mean
-    /// square, and number of blocks.
+    /// Deviation of the reported from the measured error in blocks of 16 by 16 pixels, in standard
+    /// errors: mean square, and number of blocks.
     pub z2: f64,
     pub blocks: usize,
     /// Mean share of the raw image.

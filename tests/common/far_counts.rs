@@ -53,16 +53,16 @@ pub struct Subject<'a> {
     pub settings: Settings,
     /// Iterations of the measurement.
     pub iterations: usize,
-    /// Share of the pixels that count: those with the least noise in a run of their own. Rare light in the others
-    /// would take too long to be sampled.
+    /// Share of the pixels that count: those with the least noise in a run of their own. Rare light
+    /// in the others would take too long to be sampled.
     pub quiet: f64,
     /// Two standard errors are less than this, so that the test says something.
     pub most: f64,
 }
 
 impl Subject<'_> {
-    /// Asserts that coefficients measured at few paths of both kinds tell the noise at far counts: light and camera
-    /// paths, and iterations that sample it.
+    /// Asserts that coefficients measured at few paths of both kinds tell the noise at far counts:
+    /// light and camera paths, and iterations that sample it.
     pub fn assert_far_counts(&self, far: &[(u32, u32, usize)]) {
         let Self { name, scene, settings, iterations, quiet, most } = self;
         let accel = accel(scene);
@@ -90,7 +90,8 @@ impl Subject<'_> {
     }
 }
 
-/// Asserts predictions in a furnished box, merged on discs or by areas, with another radius for caustics.
+/// Asserts predictions in a furnished box, merged on discs or by areas, with another radius for
+/// caustics.
 pub fn assert_far_counts(direct: Direct, merge_vertex: u32, kernel: Kernel) {
     let radius = 0.2;
     let caustic_radius = if kernel == Kernel::Area { 0.6 * radius } else { radius };

@@ -109,7 +109,8 @@ impl Pixels {
         let error = (self.variance_of_sum + expected.variance_of_sum).sqrt() / total;
         let (mut z2, mut errors) = (0.0, 0.0);
         for i in 0..self.mean.len() {
-            // Light paths that all pixels share move them together, and so does a pixel that is far off.
+            // Light paths that all pixels share move them together, and so does a pixel that is far
+            // off.
             let wanted = ratio * expected.mean[i];
             let own = self.variance[i] + ratio * ratio * expected.variance[i];
             let variance = own + (error * expected.mean[i]).powi(2);
@@ -149,8 +150,8 @@ pub struct Difference {
     pub error: f64,
     /// Mean standard error of the pixels' deviations, over the mean luminance.
     pub pixel_error: f64,
-    /// Mean square of the pixels' deviations beyond 2 % of the value, over their variance, after the
-    /// mean luminance was made the same; about 1 or less.
+    /// Mean square of the pixels' deviations beyond 2 % of the value, over their variance, after
+    /// the mean luminance was made the same; about 1 or less.
     pub z2: f64,
 }
 

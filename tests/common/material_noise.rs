@@ -68,7 +68,8 @@ pub fn assert_predicted(name: &str) {
         renderer.block().noise_image().unwrap()
     };
     let region: Vec<usize> = (0..64).collect();
-    // The mean over pixels: one path into the caustic of a ball may be a tenth of the pooled variance.
+    // The mean over pixels: one path into the caustic of a ball may be a tenth of the pooled
+    // variance.
     let predicted = measure(500, 8, 1, 1200).mean_rms(&region, 3000.0, 20.0);
     let sampled = measure(3000, 20, 2, 1000).sampled_mean_rms(&region);
     let error = predicted.error.hypot(sampled.error) / sampled.value;

@@ -127,8 +127,8 @@ pub fn apply(text: &mut Vec<u8>, change: &Change) {
     }
 }
 
-/// Most vertices and triangles that a scene may hold for each byte of its files: far more than any of
-/// these has, and far fewer than a number in a file can name.
+/// Most vertices and triangles that a scene may hold for each byte of its files: far more than any
+/// of these has, and far fewer than a number in a file can name.
 const MOST_PER_BYTE: usize = 4;
 
 /// Bytes of all files beside this one, or in this folder.
@@ -138,7 +138,8 @@ fn size_of_files(path: &Path) -> usize {
     files.map(|file| file.unwrap().metadata().unwrap().len() as usize).sum()
 }
 
-/// Loads a file. A scene must have triangles, light and possible materials, an error must name its cause and a remedy.
+/// Loads a file. A scene must have triangles, light and possible materials, an error must name its
+/// cause and a remedy.
 pub fn load_soundly(path: &Path) -> Option<Loaded> {
     match load(path) {
         Ok(loaded) => {

@@ -1,5 +1,5 @@
-//! Whether every strategy makes the same image of a scene of this project, the path tracer's where it
-//! finds one, and whether formula (1) predicts its noise.
+//! Whether every strategy makes the same image of a scene of this project, the path tracer's where
+//! it finds one, and whether formula (1) predicts its noise.
 
 use crate::common::committed::{self, TRACED};
 use crate::common::images::{Difference, Subject};

@@ -33,8 +33,8 @@ pub fn tiles(scene: &Arc<Scene>, settings: Settings, iterations: usize) -> Vec<V
     tiles
 }
 
-/// Asserts that differences have the mean 0 in each tile, and over all of them within `resolution` of `value`;
-/// `systematic` is what they may be off besides, relative.
+/// Asserts that differences have the mean 0 in each tile, and over all of them within `resolution`
+/// of `value`; `systematic` is what they may be off besides, relative.
 #[track_caller]
 pub fn assert_zero(
     what: &str,
@@ -96,8 +96,8 @@ pub type Way = (Direct, f32);
 pub const WAYS: [Way; 3] =
     [(Direct::Connect, 0.05), (Direct::Connect, 0.15), (Direct::PhotonMap, 0.05)];
 
-/// Asserts that everything is as bright as it must be, but for a `loss`, and as without weights. The standard errors of
-/// the means are less than `resolution`, relative.
+/// Asserts that everything is as bright as it must be, but for a `loss`, and as without weights.
+/// The standard errors of the means are less than `resolution`, relative.
 pub fn assert_furnace(
     name: &str,
     scene: &Arc<Scene>,

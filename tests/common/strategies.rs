@@ -8,7 +8,8 @@ use bdpm::settings::{Direct, Settings};
 
 use Direct::{Connect, PhotonMap};
 
-/// By connection and from the photon map, merging at the first vertex, at the second and weighted at both.
+/// By connection and from the photon map, merging at the first vertex, at the second and weighted
+/// at both.
 pub const ALL: [(Direct, u32); 6] =
     [(Connect, 1), (Connect, 2), (Connect, MIS), (PhotonMap, 1), (PhotonMap, 2), (PhotonMap, MIS)];
 

@@ -14,7 +14,8 @@ use std::sync::Arc;
 /// The radius of references, as a share of the scene size.
 pub const TINY: f32 = 0.002;
 
-/// Merging at the first vertex, so that the map has all that is indirect; the radius is a share of the scene size.
+/// Merging at the first vertex, so that the map has all that is indirect; the radius is a share of
+/// the scene size.
 pub fn settings(
     scene: &Arc<Scene>,
     defaults: &PartialSettings,
@@ -49,7 +50,8 @@ pub struct Biases {
     pub estimated: Square,
 }
 
-/// Sums of each batch of iterations, pixel by pixel, with the luminance of their number of iterations.
+/// Sums of each batch of iterations, pixel by pixel, with the luminance of their number of
+/// iterations.
 pub type Batches = Vec<Vec<f64>>;
 
 /// Renders so many iterations in each batch.
@@ -84,7 +86,8 @@ pub fn reference(
 
 /// The bias of a render whose paths are those of `reference`, so that most of their noise cancels.
 ///
-/// The mean square has products of different batches only, to which noise adds nothing: theory.md (69).
+/// The mean square has products of different batches only, to which noise adds nothing: theory.md
+/// (69).
 pub fn biases(
     scene: &Arc<Scene>,
     accel: &Arc<dyn Intersect>,

@@ -1,6 +1,6 @@
-//! Every `sh` block of the documentation runs, at small sizes. The blocks of one page share a folder, so
-//! that later ones may use files of earlier ones. Blocks marked `sh not-run` need a network, other
-//! programs or hours: only the options of their `bdpm` commands are checked.
+//! Every `sh` block of the documentation runs, at small sizes. The blocks of one page share a
+//! folder, so that later ones may use files of earlier ones. Blocks marked `sh not-run` need a
+//! network, other programs or hours: only the options of their `bdpm` commands are checked.
 
 use super::help::help;
 use super::markdown::{Block, Page, files, pages, root};
@@ -14,7 +14,8 @@ use std::thread;
 
 /// Stands for `bdpm` in the blocks: runs it at small sizes.
 const SMALL_BDPM: &str = include_str!("small-bdpm.sh");
-/// Stands for `make`, `cargo`, scripts and others in the blocks: checks that targets and files exist.
+/// Stands for `make`, `cargo`, scripts and others in the blocks: checks that targets and files
+/// exist.
 const CHECK_NAMES: &str = include_str!("check-names.sh");
 
 /// All subcommands: `claims.rs` compares them with the program.

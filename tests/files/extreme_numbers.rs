@@ -2,7 +2,7 @@
 //! no file of this size can mean. Each file still loads or is refused, in bounded time and memory.
 
 use crate::common::mutate::load_soundly;
-use bdpm::import::photometry::LuminaireFile;
+use bdpm::light::photometry::LuminaireFile;
 use std::fs;
 use std::ops::Range;
 

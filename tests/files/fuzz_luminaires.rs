@@ -2,7 +2,7 @@
 //! `PROPTEST_CASES=100000` tries far more.
 
 use crate::common::mutate::{apply, change};
-use bdpm::import::photometry::LuminaireFile;
+use bdpm::light::photometry::LuminaireFile;
 use proptest::collection::vec;
 use proptest::prelude::*;
 

@@ -1,5 +1,5 @@
-//! No file of pbrt's, and no mesh that it names, makes the loader panic: good ones with pieces deleted, doubled or
-//! replaced. `PROPTEST_CASES=100000` tries far more.
+//! No file of pbrt's, and no mesh that it names, makes the loader panic: good ones with pieces
+//! deleted, doubled or replaced. `PROPTEST_CASES=100000` tries far more.
 
 use crate::common::mutate::{apply, change, load_soundly};
 use proptest::collection::vec;

@@ -1,5 +1,6 @@
-//! No scene, OBJ or MTL file makes the loader panic or hold more than its size warrants: random bytes, and
-//! good files with pieces deleted, doubled or replaced. `PROPTEST_CASES=100000` tries far more.
+//! No scene, OBJ or MTL file makes the loader panic or hold more than its size warrants: random
+//! bytes, and good files with pieces deleted, doubled or replaced. `PROPTEST_CASES=100000` tries
+//! far more.
 
 use crate::common::mutate::{TOKENS, apply, change, load_and_check};
 use bdpm::import::load;

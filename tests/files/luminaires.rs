@@ -3,7 +3,7 @@
 use crate::common::gltf::{files, square};
 use bdpm::base::math::luminance;
 use bdpm::import::load;
-use bdpm::import::photometry::{
+use bdpm::light::photometry::{
     LuminaireDescription, LuminaireFile, OpeningShape, write_eulumdat, write_lm63,
 };
 use bdpm::scene::{Emitter, IntensityDistribution, Photometry};

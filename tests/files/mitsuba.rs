@@ -608,8 +608,8 @@ fn public_mitsuba_scenes_load() {
     }
 }
 
-/// The medium of a sensor fills the scene unless a shape bounds it, also where opaque shapes and glass name it as
-/// their exterior.
+/// The medium of a sensor fills the scene unless a shape bounds it, also where opaque shapes and
+/// glass name it as their exterior.
 #[test]
 fn medium_around_the_sensor_fills_the_scene() {
     let fog = "<medium type='homogeneous' id='fog'><float name='sigma_t' value='1'/></medium>";

@@ -146,7 +146,8 @@ fn cameras_have_their_projection_crop_and_handedness() {
     let part = camera(&format!("Scale -1 1 1 {crop}"));
     assert_eq!(part.shift(), [0.5, 0.0]);
     assert_eq!(part.optics(), Optics::Pinhole(FieldOfView::X(90.0)));
-    // A point on the camera's +x is on the right of the image, in left-handed and right-handed worlds.
+    // A point on the camera's +x is on the right of the image, in left-handed and right-handed
+    // worlds.
     for head in ["", "Scale -1 1 1 "] {
         let text = format!(
             "{head}{film}\nCamera \"perspective\" \"float fov\" 90\nCoordinateSystem \"eye\"\nWorldBegin\n\
@@ -186,7 +187,8 @@ fn textures_scale_mix_and_map() {
     let Bsdf::Lambertian { albedo, two_sided: true } = material.bsdf else { panic!() };
     let texture = material.albedo_texture.as_ref().unwrap();
     let at = |u: f32, v: f32| albedo * texture.color(Vec2::new(u, v));
-    // Squares (0, 0) and (1, 1) of a period have the first color; coordinates are halved on the mesh.
+    // Squares (0, 0) and (1, 1) of a period have the first color; coordinates are halved on the
+    // mesh.
     for (uv, expected) in [
         ([0.25, 0.25], Vec3::new(0.7, 0.6, 0.55)),
         ([0.75, 0.75], Vec3::new(0.7, 0.6, 0.55)),

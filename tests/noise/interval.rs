@@ -41,7 +41,8 @@ fn spread_of_the_squared_noise_is_that_of_many_images() {
         let luminances = renderer.film().mean();
         images.push(luminances.iter().map(|own| luminance(own.as_dvec3())).collect::<Vec<f64>>());
     }
-    // Squared distance of each image from the mean of the others, with the weights of the mean of all.
+    // Squared distance of each image from the mean of the others, with the weights of the mean of
+    // all.
     let count = IMAGES as f64;
     let pixels = images[0].len();
     let mean: Vec<f64> =
@@ -62,10 +63,11 @@ fn spread_of_the_squared_noise_is_that_of_many_images() {
     let true_spread = (scatter / (count - 1.0)).sqrt() / average;
     let rms = |values: &[f64]| (values.iter().map(|v| v * v).sum::<f64>() / count).sqrt();
     let spread = rms(&spreads);
-    // The standard deviation of 80 values is known to 8 %. Squares of 6 pixels miss some correlation.
+    // The standard deviation of 80 values is known to 8 %. Squares of 6 pixels miss some
+    // correlation.
     assert!((spread / true_spread - 1.0).abs() < 0.3, "{spread}, not {true_spread}");
-    // Independent pixels of equal weight would have the spread sqrt(2/pixels) of a mean of squares. A
-    // spread of 80 images is known to 8 %, so that 1.4 times it is five standard errors above.
+    // Independent pixels of equal weight would have the spread sqrt(2/pixels) of a mean of squares.
+    // A spread of 80 images is known to 8 %, so that 1.4 times it is five standard errors above.
     assert!(true_spread > 1.4 * (2.0 / pixels as f64).sqrt(), "{true_spread}");
     let covered = intervals
         .iter()

@@ -1,5 +1,5 @@
-//! Images of more than half a million pixels keep statistics for cells of several pixels. These are the means of what single
-//! pixels have, and the image and its layers keep all pixels.
+//! Images of more than half a million pixels keep statistics for cells of several pixels. These are
+//! the means of what single pixels have, and the image and its layers keep all pixels.
 
 use crate::common::Estimate;
 use crate::common::automatic::scene;
@@ -62,7 +62,8 @@ fn statistics_of_cells_are_means_over_their_pixels() {
     by_pixel.iterate(Measure::Pairs);
     assert_eq!(by_cell.film(), by_pixel.film(), "statistics do not change the image");
     let means = block::coefficients(by_pixel.blocks()).unwrap();
-    // One pixel of each cell is measured. Of 266,000 cells, means agree within the errors of the difference.
+    // One pixel of each cell is measured. Of 266,000 cells, means agree within the errors of the
+    // difference.
     let mean_of = |values: Vec<f64>| Estimate::from_samples(&values);
     let terms: [fn(&Coefficients) -> f64; 3] = [|own| own.a, |own| own.b, |own| own.f];
     for term in terms {
@@ -173,10 +174,12 @@ fn sums_of_a_large_image_take_less_than_200_bytes_per_pixel() {
         bytes_per_pixel(&request, blocks)
     };
     let large = bytes(3840, 2160, 2);
-    // The copy of the image (12), layers (80), estimates by cell (16), two blocks (43 each) and counts (4).
+    // The copy of the image (12), layers (80), estimates by cell (16), two blocks (43 each) and
+    // counts (4).
     assert_eq!(large, 12.0 + 80.0 + 16.0 + 2.0 * 43.0 + 4.0);
     assert!(large < 200.0);
-    // A block more: the image (32), counts (4), a sixteenth of annulus (88) and noise (64), batches (1.5).
+    // A block more: the image (32), counts (4), a sixteenth of annulus (88) and noise (64), batches
+    // (1.5).
     let block = bytes(3840, 2160, 3) - large;
     assert_eq!(block, 32.0 + 4.0 + (2.0 * 44.0 + 64.0) / 16.0 + 1.5);
     // Cells of 2 by 2 pixels, and single pixels.

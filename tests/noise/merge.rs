@@ -245,7 +245,8 @@ fn parts_of_a_plan_are_weighted_as_it_says_and_gaps_are_filled() {
     merged.checkpoint.blocks.iter().zip(&one.blocks[..]).for_each(|(m, w)| assert_same(m, w));
     assert_same_image(&merged.checkpoint, &one);
 
-    // The middle part is missing: a run that goes on renders it, in two blocks, and ends with the same.
+    // The middle part is missing: a run that goes on renders it, in two blocks, and ends with the
+    // same.
     let lacking = merge(&[&parts[0], &parts[2]].map(Clone::clone)).unwrap();
     assert_eq!(lacking.missing, ["part 2/3 (iterations 13 to 25)"]);
     assert_eq!(lacking.checkpoint.sharded, Some(sharded));

@@ -1,5 +1,5 @@
-//! The measured coefficients against the sampled variance of the renderer itself. The other strategies are
-//! in `tests/check/predicts.rs`.
+//! The measured coefficients against the sampled variance of the renderer itself. The other
+//! strategies are in `tests/check/predicts.rs`.
 
 use crate::common::far_counts::*;
 use crate::common::*;
@@ -33,8 +33,8 @@ fn noise_of_sobol_sets_that_split_is_predicted_at_far_counts() {
         .assert_far_counts(&[(32_768, 4, 130), (512, 100, 500), (3200, 25, 250)]);
 }
 
-/// Asserts that settings have the same mean image as with independent light paths that do not split, and at most `share`
-/// of their light coefficient.
+/// Asserts that settings have the same mean image as with independent light paths that do not
+/// split, and at most `share` of their light coefficient.
 #[track_caller]
 fn assert_less_noise_of_light_paths(settings: Settings, share: f64) {
     const ITERATIONS: usize = 200;
@@ -107,8 +107,8 @@ fn formula_and_samples_of_one_run_agree_pixel_by_pixel_as_the_batches_say() {
         let mean = deviations.iter().sum::<f64>() / n;
         let square = deviations.iter().map(|z| z * z).sum::<f64>() / n;
         println!("{estimator:?}: deviations {mean:.3} +- {:.3}", square.sqrt());
-        // Student's t with 15 degrees of freedom has the variance 15/13. Pixels are hardly correlated
-        // here: a mean of 144 has a standard error of 0.09, a mean square one of 0.15.
+        // Student's t with 15 degrees of freedom has the variance 15/13. Pixels are hardly
+        // correlated here: a mean of 144 has a standard error of 0.09, a mean square one of 0.15.
         assert!(mean.abs() < 0.4, "{mean}");
         assert!((square - 15.0 / 13.0).abs() < 0.6, "{square}");
     }

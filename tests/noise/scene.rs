@@ -120,8 +120,8 @@ fn coefficients_do_not_depend_on_the_number_of_threads() {
 }
 
 /// A floor that a small bright patch above it lights past the edge of a black plate. The patch is
-/// square with a corner toward the plate's edge. So its visible part and the irradiance of the floor
-/// go with the square of the position across the penumbra.
+/// square with a corner toward the plate's edge. So its visible part and the irradiance of the
+/// floor go with the square of the position across the penumbra.
 fn penumbra() -> Arc<Scene> {
     let floor = square(Vec3::ZERO, Vec3::Z, 2.0, 0);
     let plate = square(Vec3::new(2.0, 0.0, 0.5), Vec3::Z, 2.0, 1);
@@ -179,9 +179,9 @@ fn the_bias_layer_is_the_difference_to_a_small_radius() {
         let expected = bias.value * 15.0 / 16.0;
         let error = bias.error.hypot(difference.error);
         println!("columns {columns:?}: {expected:.6} {:.6} +- {error:.6}", difference.mean);
-        // These two limits only ensure that the test can fail. The agreement is held to 3.5 standard
-        // errors. The error of the bias comes from 150 batches with heavy tails: few light paths by
-        // way of the patch carry the light.
+        // These two limits only ensure that the test can fail. The agreement is held to 3.5
+        // standard errors. The error of the bias comes from 150 batches with heavy tails: few light
+        // paths by way of the patch carry the light.
         assert!(sign * bias.value > 5.0 * bias.error, "{columns:?}: {bias:?}");
         assert!(error < 0.2 * expected.abs(), "{columns:?}: {error} says little about {expected}");
         assert!((expected - difference.mean).abs() < 3.5 * error, "{columns:?}");

@@ -1,5 +1,5 @@
-//! The measurements behind a choice of technique: samples of the pixels, and nested radii for one class of
-//! photons.
+//! The measurements behind a choice of technique: samples of the pixels, and nested radii for one
+//! class of photons.
 
 use crate::common::*;
 use bdpm::film::radiance::luminance;

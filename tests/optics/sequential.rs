@@ -1,4 +1,5 @@
-//! Exact rays through a prescription, surface after surface, in f64 and independent of the renderer.
+//! Exact rays through a prescription, surface after surface, in f64 and independent of the
+//! renderer.
 //!
 //! Millimeters; light goes along +z, the first vertex is the origin.
 
@@ -41,7 +42,8 @@ impl Ray {
         Some(self)
     }
 
-    /// At the sphere of `radius` whose vertex is at `depth`; `ratio` of the indices before and behind.
+    /// At the sphere of `radius` whose vertex is at `depth`; `ratio` of the indices before and
+    /// behind.
     fn refract(&mut self, radius: f64, depth: f64, ratio: f64) -> Option<()> {
         let center = dvec3(0.0, 0.0, depth + radius);
         let to = self.origin - center;

@@ -1,7 +1,7 @@
 //! `bdpm goniometer`.
 
 use crate::common::program_output::{assert_refused, json, succeed};
-use bdpm::import::photometry::LuminaireFile;
+use bdpm::light::photometry::LuminaireFile;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};

@@ -1,4 +1,5 @@
-//! Inputs without end, renders that do not fit in memory, and renders that take longer than their time.
+//! Inputs without end, renders that do not fit in memory, and renders that take longer than their
+//! time.
 
 use crate::common::program_output::{assert_refused, text};
 use std::fs;

@@ -201,7 +201,8 @@ fn too_many_meters_of_a_quantity_are_refused_with_their_number() {
     assert_refused(&output, "90000 meters measure illuminance", "at most 65536 meters");
 }
 
-/// A meter in a closed box without a lamp never reaches a target: without a time, it ends with a warning.
+/// A meter in a closed box without a lamp never reaches a target: without a time, it ends with a
+/// warning.
 #[test]
 fn dark_meters_end_the_measurement() {
     let lamp = square(Vec3::new(0.0, 3.0, 0.0), Vec3::Y, 0.5, 1);

@@ -1,4 +1,5 @@
-//! Options of `bdpm render` for a window, files and descriptions, and commands for shells and manuals.
+//! Options of `bdpm render` for a window, files and descriptions, and commands for shells and
+//! manuals.
 
 use super::render::{SCENE, bdpm, bits, folder, json, names, succeed, text};
 use crate::common::program_output::assert_refused;
@@ -61,7 +62,8 @@ fn crop_renders_a_window_of_the_full_image() {
     let image = read_exr(&at("a.exr")).unwrap();
     assert_eq!((image.width, image.height), (10, 8));
     assert_eq!(image.metadata["crop"], Value::Text("at 5,4 of 24x18".into()));
-    // The first surfaces are those of the full image: depths differ by the jitter within pixels only.
+    // The first surfaces are those of the full image: depths differ by the jitter within pixels
+    // only.
     succeed(render(folder.path(), &["--iterations", "2", "--output", "full.exr"]));
     let depth = |name: &str| {
         let image = read_exr(&at(name)).unwrap();

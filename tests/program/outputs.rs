@@ -1,5 +1,5 @@
-//! Output files replace no input, are complete, are the same every time, and are not lost because another
-//! file cannot be written.
+//! Output files replace no input, are complete, are the same every time, and are not lost because
+//! another file cannot be written.
 
 use crate::common::program_output::{assert_refused, json, succeed, text};
 use bdpm::base::math::Rgb;

@@ -1,4 +1,5 @@
-//! `render --report`: a page that is complete at any moment, agrees with the program, and loads nothing else.
+//! `render --report`: a page that is complete at any moment, agrees with the program, and loads
+//! nothing else.
 
 use crate::common::desk::Desk;
 use crate::common::html::{assert_whole, percent, pictures};

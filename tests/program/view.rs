@@ -1,5 +1,5 @@
-//! `render --view`: the packets that tev receives; a viewer that does not listen neither delays nor fails a
-//! render.
+//! `render --view`: the packets that tev receives; a viewer that does not listen neither delays nor
+//! fails a render.
 
 use crate::common::program_output::{json, text};
 use bdpm::image_io::read_exr;
@@ -18,8 +18,8 @@ fn render(folder: &Path, view: &str, iterations: &str) -> Output {
     command.stdin(Stdio::null()).output().unwrap()
 }
 
-/// A packet by tev's documentation: its length including the length itself, a type, then fields. Numbers are
-/// little-endian, texts end with 0.
+/// A packet by tev's documentation: its length including the length itself, a type, then fields.
+/// Numbers are little-endian, texts end with 0.
 #[derive(Debug)]
 enum Packet {
     Create { name: String, size: [u32; 2], channels: Vec<String> },

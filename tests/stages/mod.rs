@@ -1,5 +1,5 @@
-//! No stage of the library names a later one. The stages are the modules of `src/lib.rs` in its order;
-//! the program, `src/main.rs` and `src/cli`, comes after them all.
+//! No stage of the library names a later one. The stages are the modules of `src/lib.rs` in its
+//! order; the program, `src/main.rs` and `src/cli`, comes after them all.
 
 use proc_macro2::{Delimiter, Ident, TokenStream, TokenTree};
 use std::collections::HashMap;
@@ -35,8 +35,8 @@ fn named(code: TokenStream, depth: usize) -> Vec<Named> {
     found
 }
 
-/// Names at the root of the path that begins with `first`, `depth` modules below the root, and goes on
-/// as `rest`.
+/// Names at the root of the path that begins with `first`, `depth` modules below the root, and goes
+/// on as `rest`.
 fn at_root(first: &Ident, mut rest: &[TokenTree], depth: usize) -> Vec<Named> {
     let mut above = match first.to_string().as_str() {
         "crate" => depth,

@@ -88,9 +88,9 @@ fn backends_agree_on_more_than_200_000_triangles() {
     assert_agreement(&[ball, Mesh::cuboid(Vec3::ZERO, Vec3::ONE, 0.0)], false, 3);
 }
 
-/// Rays from inside a closed mesh at its vertices, edges and faces. The BVH lets none out. Embree in
-/// its robust mode may lose a few percent of those aimed right at a vertex, but next to nothing of the
-/// others. Without that mode it loses a good part of those aimed at vertices and edges.
+/// Rays from inside a closed mesh at its vertices, edges and faces. The BVH lets none out. Embree
+/// in its robust mode may lose a few percent of those aimed right at a vertex, but next to nothing
+/// of the others. Without that mode it loses a good part of those aimed at vertices and edges.
 #[test]
 fn closed_meshes_are_watertight() {
     const COUNT: usize = 100_000;

@@ -32,8 +32,8 @@ fn point_light_over_a_plane() {
         let settings = Settings {
             direct,
             light_paths: 20_000,
-            // The kernel's bias is r^2/8 times the Laplacian of the irradiance over its value, which
-            // is at most 9/h^2 here (h = 2): 0.03 % at this radius.
+            // The kernel's bias is r^2/8 times the Laplacian of the irradiance over its value,
+            // which is at most 9/h^2 here (h = 2): 0.03 % at this radius.
             radius: 0.03,
             caustic_radius: 0.03,
             ..settings(4, 4)
@@ -46,7 +46,8 @@ fn point_light_over_a_plane() {
     }
 }
 
-/// [`lit_plane`] away from the origin, with a second plane at this height above it, turned away if it is negative.
+/// [`lit_plane`] away from the origin, with a second plane at this height above it, turned away if
+/// it is negative.
 fn lit_layers(height: f32) -> (Arc<Scene>, f64) {
     let origin = Vec3::new(5.0, -7.0, 3.0);
     let layers = vec![
@@ -62,9 +63,10 @@ fn lit_layers(height: f32) -> (Arc<Scene>, f64) {
 
 #[test]
 fn coincident_layers_do_not_shade_each_other() {
-    // Published models have the same face twice, or faces that differ by the rounding of their file. Which of them a
-    // camera ray meets is a matter of rounding: a shadow ray must start beyond both. One unit in the last place of the
-    // coordinates is 5e-7, and rays start 32 units off.
+    // Published models have the same face twice, or faces that differ by the rounding of their
+    // file. Which of them a camera ray meets is a matter of rounding: a shadow ray must start
+    // beyond both. One unit in the last place of the coordinates is 5e-7, and rays start 32 units
+    // off.
     for height in [0.0, -0.0, 5e-7, -5e-7, 2e-6, -2e-6, 1e-5, -1e-5] {
         let (scene, expected) = lit_layers(height);
         let settings = Settings { direct: Direct::Connect, ..settings(16, 16) };

@@ -1,4 +1,5 @@
-//! The bound on the work of an area query: points with too many triangles in reach have smaller radii.
+//! The bound on the work of an area query: points with too many triangles in reach have smaller
+//! radii.
 
 use crate::common::*;
 use bdpm::scene::{Material, Mesh, Scene};

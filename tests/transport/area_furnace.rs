@@ -1,6 +1,6 @@
-//! Where everything emits 1 and reflects half, radiance is 2 everywhere, and merging has no excuse: the
-//! kernel by true area is exact at edges, steps, gaps and thin walls, on floors under blocks and on doubled
-//! faces, at every radius; the disc is not.
+//! Where everything emits 1 and reflects half, radiance is 2 everywhere, and merging has no excuse:
+//! the kernel by true area is exact at edges, steps, gaps and thin walls, on floors under blocks
+//! and on doubled faces, at every radius; the disc is not.
 
 use crate::common::*;
 use bdpm::noise::Measure;
@@ -20,8 +20,8 @@ const IMAGES: usize = 8;
 const SIDE: u32 = 32;
 const TILE: u32 = 4;
 
-/// Largest standardized deviation of 64 tiles from 8 images (Student's t of 7 degrees of freedom): one in
-/// some hundred sets of seeds exceeds it.
+/// Largest standardized deviation of 64 tiles from 8 images (Student's t of 7 degrees of freedom):
+/// one in some hundred sets of seeds exceeds it.
 const MOST: f64 = 9.0;
 
 /// Everything emits 1 from its front and reflects half, on the back as well or not at all.
@@ -56,9 +56,10 @@ fn cuboid(min: Vec3, max: Vec3, inward: bool, cuts: u32) -> Mesh {
     mesh
 }
 
-/// A material that emits nothing and whose front reflects all, which is as bright as [`glowing`]: two such surfaces in
-/// one place emit no more than one. The back is black: light inside a white block on the floor would be brighter than
-/// outside, because the processor decides which of two coincident faces a ray hits.
+/// A material that emits nothing and whose front reflects all, which is as bright as [`glowing`]:
+/// two such surfaces in one place emit no more than one. The back is black: light inside a white
+/// block on the floor would be brighter than outside, because the processor decides which of two
+/// coincident faces a ray hits.
 fn reflecting() -> Material {
     Material::new("reflecting", Bsdf::Lambertian { albedo: Vec3::ONE, two_sided: false })
 }
@@ -84,7 +85,8 @@ fn furnace_with(lights: Vec<Emitter>, things: Vec<Mesh>, two_sided: bool, cuts: 
     scene(meshes, vec![glowing(two_sided), reflecting()], lights, camera)
 }
 
-/// Largest deviation of a tile from the answer in standard errors, and the image's mean with its own.
+/// Largest deviation of a tile from the answer in standard errors, and the image's mean with its
+/// own.
 fn deviation(scene: &Arc<Scene>, kernel: Kernel, radius: f32) -> (f64, [f64; 2]) {
     let accel = accel(scene);
     let render = |seed: usize| {
@@ -137,7 +139,8 @@ fn assert_exact(name: &str, scene: &Arc<Scene>, radii: &[f32]) {
 
 #[test]
 fn light_inside_of_a_thin_block_stays_there() {
-    // The insides of its faces are nearer than a quarter of the radius and have the normals of the outsides.
+    // The insides of its faces are nearer than a quarter of the radius and have the normals of the
+    // outsides.
     let block = solid([-0.6, -0.4, -0.6], [0.6, -0.396, 0.6]);
     let lamp = point_light(Vec3::new(0.1, -0.398, 0.1), 1.0);
     let scene = furnace_with(vec![lamp], vec![block], true, 1);
@@ -171,7 +174,8 @@ fn tilted(point: Vec3) -> Vec3 {
 
 #[test]
 fn layers_just_near_enough_and_just_too_far() {
-    // Steps of 1/16, between which a quarter of the radii lies. Numbers without rounding: faces of a solid meet.
+    // Steps of 1/16, between which a quarter of the radii lies. Numbers without rounding: faces of
+    // a solid meet.
     let steps = (0..4).map(|i| {
         let (left, height) = (0.125 * i as f32 - 0.3125, 0.0625 * i as f32 - 0.125);
         let mut step = solid([left, -0.25, -0.5], [left + 0.109_375, 0.25, height]);
@@ -238,14 +242,15 @@ fn balls_of_fine_and_coarse_facets_have_exact_areas() {
     assert_exact("balls", &two_balls([3, 1]), &[0.05, 0.14]);
 }
 
-/// Of the 5120 facets of the finer ball, about 570 are within reach: more than the bound on the work of a query allows, so
-/// that photons are merged within smaller radii there.
+/// Of the 5120 facets of the finer ball, about 570 are within reach: more than the bound on the
+/// work of a query allows, so that photons are merged within smaller radii there.
 #[test]
 fn balls_of_more_facets_than_the_bound_have_exact_areas() {
     assert_exact("balls", &two_balls([4, 1]), &[0.2]);
 }
 
-/// All of a small ball is within reach of each of its points: a disc of the radius would be ten times its area.
+/// All of a small ball is within reach of each of its points: a disc of the radius would be ten
+/// times its area.
 #[test]
 fn balls_of_many_facets_that_are_smaller_than_the_radius_have_exact_areas() {
     let ball = |x: f32, z: f32| sphere(Vec3::new(x, 0.1, z), 0.1, 3, false, 0);

@@ -21,8 +21,8 @@ fn rendered(from: &Renderer, settings: Settings, iterations: u64) -> Renderer {
     renderer
 }
 
-/// Relative RMS error of the annulus against the difference of images at the radii and at half of them, from
-/// the same photons.
+/// Relative RMS error of the annulus against the difference of images at the radii and at half of
+/// them, from the same photons.
 fn annulus_error(scene: &Arc<Scene>, settings: &Settings) -> f64 {
     let accel = accel(scene);
     let from = Renderer::new(scene, &accel, settings.clone()).unwrap();

@@ -207,8 +207,8 @@ fn white_surfaces_in_a_white_furnace_are_invisible() {
 
 #[test]
 fn single_scattering_loses_as_much_as_in_mitsuba() {
-    // Mitsuba 3.9.1: reflected share of light from the cosine 0.6 at a `roughconductor` of material `none`,
-    // means of a million samples, within 4e-4.
+    // Mitsuba 3.9.1: reflected share of light from the cosine 0.6 at a `roughconductor` of material
+    // `none`, means of a million samples, within 4e-4.
     let mut rng = rng(31);
     for (model, alpha, expected) in [
         (FacetModel::Ggx, 0.1, 0.9766),

@@ -44,8 +44,8 @@ fn a_thin_lens_blurs_a_point_to_the_circle_of_confusion() {
         // Radiance times the square of the emitter's angular size, however blurred.
         Estimate { mean: energy, error: energy_variance.sqrt() }.assert_is(3.0 * size * size, 0.0);
 
-        // Second moments add: a disc of radius c has c^2/2, a square of side s has s^2/6, and pixels
-        // are squares as well (Sheppard's correction; sharp edges leave a little of it).
+        // Second moments add: a disc of radius c has c^2/2, a square of side s has s^2/6, and
+        // pixels are squares as well (Sheppard's correction; sharp edges leave a little of it).
         let confusion =
             f64::from(aperture_radius) * (1.0 / z - 1.0 / f64::from(focus_distance)).abs();
         let expected = 0.5 * confusion.powi(2) + (size.powi(2) + pixel.powi(2)) / 6.0;
@@ -90,7 +90,8 @@ fn a_sensors_pixels_have_the_irradiance_of_a_disc() {
     }
 }
 
-/// Parallel rays see a lamp of the area A as A / (pixel area) pixels of its radiance, at any distance.
+/// Parallel rays see a lamp of the area A as A / (pixel area) pixels of its radiance, at any
+/// distance.
 #[test]
 fn an_orthographic_camera_shows_a_lamp_by_its_area() {
     let (side, across, half) = (32, 8.0_f32, 0.7_f32);
@@ -109,8 +110,8 @@ fn an_orthographic_camera_shows_a_lamp_by_its_area() {
     }
 }
 
-/// A lamp of one radiance all around: every pixel within the field of view has it, and pixels outside the image
-/// circle of a fisheye are black.
+/// A lamp of one radiance all around: every pixel within the field of view has it, and pixels
+/// outside the image circle of a fisheye are black.
 #[test]
 fn panoramas_and_fisheyes_inside_a_lamp_show_its_radiance() {
     let side = 24;
@@ -139,7 +140,8 @@ fn panoramas_and_fisheyes_inside_a_lamp_show_its_radiance() {
     }
 }
 
-/// Photon maps serve all cameras: the radiance of a diffuse floor under a point light is the same as seen by a pinhole.
+/// Photon maps serve all cameras: the radiance of a diffuse floor under a point light is the same
+/// as seen by a pinhole.
 #[test]
 fn all_cameras_merge_the_same_photons() {
     let floor = square(Vec3::ZERO, Vec3::Y, 4.0, 0);
@@ -176,7 +178,8 @@ fn all_cameras_merge_the_same_photons() {
     }
 }
 
-/// Paths outside the image circle of a fisheye have no segment: layers and MIS weights of the others stay in place.
+/// Paths outside the image circle of a fisheye have no segment: layers and MIS weights of the
+/// others stay in place.
 #[test]
 fn layers_of_a_fisheye_are_those_of_its_pixels() {
     let optics =

@@ -1,4 +1,5 @@
-//! Dispersion: directions of each wavelength, white that stays white, and one image by all strategies.
+//! Dispersion: directions of each wavelength, white that stays white, and one image by all
+//! strategies.
 
 use crate::common::several_ways::WEIGHTINGS;
 use crate::common::several_ways::weighted;
@@ -28,8 +29,9 @@ pub fn glass(inside: RefractiveIndex) -> Material {
     Material { dispersion, ..Material::new("glass", bsdf) }
 }
 
-/// Follows a ray of one wavelength through the surfaces that it meets, reflected at those of `reflected` and refracted
-/// at the others. Returns its last direction; `None` if it cannot take this way.
+/// Follows a ray of one wavelength through the surfaces that it meets, reflected at those of
+/// `reflected` and refracted at the others. Returns its last direction; `None` if it cannot take
+/// this way.
 fn follow(
     scene: &Scene,
     accel: &dyn Intersect,
@@ -84,7 +86,8 @@ fn prism_deviates_each_wavelength_by_snells_law() {
         let mut seen = Vec::new();
         for wavelength in Wavelength::all().step_by(93) {
             let n = medium(name).at(wavelength.nanometers());
-            // Toward the middle of the left face, at an angle of incidence close to that of least deviation.
+            // Toward the middle of the left face, at an angle of incidence close to that of least
+            // deviation.
             let incidence = (1.02 * n * (0.5 * apex).sin()).asin();
             let tilt = incidence - 0.5 * apex;
             let into = DVec3::new(tilt.cos(), tilt.sin(), 0.0);
@@ -102,7 +105,8 @@ fn prism_deviates_each_wavelength_by_snells_law() {
     }
 }
 
-/// Scattering angle of a ray at the impact parameter `b` of a unit sphere of the index `n`, after `k` reflections inside.
+/// Scattering angle of a ray at the impact parameter `b` of a unit sphere of the index `n`, after
+/// `k` reflections inside.
 fn deviation(b: f64, n: f64, k: u32) -> f64 {
     let (i, r) = (b.asin(), (b / n).asin());
     2.0 * (i - r) + f64::from(k) * (PI - 2.0 * r)
@@ -153,7 +157,8 @@ fn bows_of_a_water_sphere_are_at_the_angles_of_theory() {
 const SIDE: u32 = 16;
 const TILE: u32 = 4;
 
-/// Mean of each channel in each tile and iteration, from the sums of an image: `[3 tile + channel][iteration]`.
+/// Mean of each channel in each tile and iteration, from the sums of an image:
+/// `[3 tile + channel][iteration]`.
 fn samples(iterations: usize, mut next: impl FnMut() -> Vec<DVec3>) -> Vec<Vec<f64>> {
     let across = SIDE / TILE;
     let mut all = vec![Vec::with_capacity(iterations); (3 * across * across) as usize];
@@ -183,7 +188,8 @@ fn rendered(scene: &Arc<Scene>, settings: Settings, iterations: usize) -> Vec<Ve
     })
 }
 
-/// Asserts that channels of tiles agree within their errors, and their means within `resolution`, relative.
+/// Asserts that channels of tiles agree within their errors, and their means within `resolution`,
+/// relative.
 #[track_caller]
 fn assert_equal(what: &str, own: &[Vec<f64>], other: &[Vec<f64>], resolution: f64) {
     let estimates = |all: &[Vec<f64>]| -> Vec<_> {

@@ -1,8 +1,9 @@
-//! The goniophotometer against lamps of known distributions, and a model against the luminaire that was measured.
+//! The goniophotometer against lamps of known distributions, and a model against the luminaire that
+//! was measured.
 
 use crate::common::*;
 use bdpm::Scene;
-use bdpm::import::photometry::{LuminaireDescription, LuminaireFile, OpeningShape, write_lm63};
+use bdpm::light::photometry::{LuminaireDescription, LuminaireFile, OpeningShape, write_lm63};
 use bdpm::scene::{AimedDistribution, Emitter, Mesh, PointLuminaire};
 use bdpm::settings::Settings;
 use bdpm::transport::goniometer::{Goniometer, GoniometerGrid};
@@ -24,7 +25,8 @@ fn measured(scene: &Arc<Scene>, [gamma, c]: [f64; 2], paths: u32, iterations: u3
     own
 }
 
-/// Mean of an intensity over the hat function of the node at `gamma`, by midpoints; angles in radians.
+/// Mean of an intensity over the hat function of the node at `gamma`, by midpoints; angles in
+/// radians.
 fn over_hat(intensity: impl Fn(f64) -> f64, gamma: f64, step: f64) -> f64 {
     let (mut sum, mut weights) = (0.0, 0.0);
     let n = 4000;

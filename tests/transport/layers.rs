@@ -99,7 +99,8 @@ fn mirrors_show_what_they_reflect_with_their_tint() {
 
 #[test]
 fn glass_shows_what_is_behind_by_the_share_that_passes() {
-    // A slab of index 1.5, nearly at normal incidence: (1 - r)/(1 + r) passes, r = 4 %; the rest goes into nothing.
+    // A slab of index 1.5, nearly at normal incidence: (1 - r)/(1 + r) passes, r = 4 %; the rest
+    // goes into nothing.
     let glass = Material::new("glass", Bsdf::Dielectric(Dielectric::new(1.5)));
     let (guide, _, depth) = seen(&wall(Some(glass), Vec3::Z), settings(32, 32), 60);
     // A share of 245760 paths has a standard error of .0005.

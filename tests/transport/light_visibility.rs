@@ -1,4 +1,5 @@
-//! Learned visibility of lights: equal means, less noise, and an image that does not depend on the machine.
+//! Learned visibility of lights: equal means, less noise, and an image that does not depend on the
+//! machine.
 
 use crate::common::boxes;
 use crate::common::*;
@@ -26,8 +27,9 @@ fn direct_light(light_visibility: u32) -> Settings {
     Settings { strategy, merge_vertex: 2, camera_paths: 1, light_visibility, ..settings(16, 16) }
 }
 
-/// With `e` and `e'` the irradiance from the visible and the hidden lamp, and `p = e/(e + c e')`, the variance is
-/// `e^2 (1/p - 1) = c e e'`. The factor `c` is 1 without learning, and the minimum factor with it.
+/// With `e` and `e'` the irradiance from the visible and the hidden lamp, and `p = e/(e + c e')`,
+/// the variance is `e^2 (1/p - 1) = c e e'`. The factor `c` is 1 without learning, and the minimum
+/// factor with it.
 #[test]
 fn variance_falls_by_the_factor_of_hidden_lamps_and_the_mean_stays() {
     let (scene, iterations) = (&boxed_lamp(), 200);
@@ -44,8 +46,8 @@ fn variance_falls_by_the_factor_of_hidden_lamps_and_the_mean_stays() {
     println!("variance over that without learning: {ratio}");
     // A tenth, in units of 1/255
     let expected = 26.0 / 255.0;
-    // The visible lamp is chosen with a probability of about p = 0.91. The relative variance of the sample variance of
-    // `n` such choices is (1/(p (1 - p)) - 4)/n.
+    // The visible lamp is chosen with a probability of about p = 0.91. The relative variance of the
+    // sample variance of `n` such choices is (1/(p (1 - p)) - 4)/n.
     let count = (iterations * 256) as f64;
     let error = ((1.0 / (0.91 * 0.09) - 4.0) / count).sqrt();
     assert!((ratio / expected - 1.0).abs() < 4.0 * error + 5e-3, "{ratio} {expected} {error}");

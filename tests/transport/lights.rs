@@ -191,8 +191,8 @@ fn environments_come_from_exr_and_hdr_files() {
     }
 }
 
-/// Shadow rays of a sun start outside of the scene. Rounding errors there exceed the distance by which they end before
-/// a small surface far inside.
+/// Shadow rays of a sun start outside of the scene. Rounding errors there exceed the distance by
+/// which they end before a small surface far inside.
 #[test]
 fn surfaces_in_a_large_scene_do_not_shadow_themselves() {
     let normal = Vec3::new(0.31, -0.23, 0.87).normalize();

@@ -1,8 +1,9 @@
-//! Luminaires: the illuminance of a floor by the inverse square law, and agreement of all techniques.
+//! Luminaires: the illuminance of a floor by the inverse square law, and agreement of all
+//! techniques.
 
 use crate::common::strategies::ALL;
 use crate::common::*;
-use bdpm::import::photometry::LuminaireFile;
+use bdpm::light::photometry::LuminaireFile;
 use bdpm::scene::{
     AimedDistribution, Emitter, IntensityDistribution, LuminousOpening, Material, Mesh,
     PointLuminaire,

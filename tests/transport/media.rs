@@ -67,7 +67,8 @@ pub(super) fn means(
     all
 }
 
-/// Light of a panel is seen through slabs of absorbing medium with and without refraction, at a right angle.
+/// Light of a panel is seen through slabs of absorbing medium with and without refraction, at a
+/// right angle.
 #[test]
 fn slabs_absorb_by_the_distance() {
     let ink = medium(Vec3::new(0.2, 0.7, 1.5), Vec3::ZERO, 0.0);
@@ -107,7 +108,8 @@ fn slabs_absorb_by_the_distance() {
     }
 }
 
-/// Radiance that an isotropic point light scatters once into a ray that passes it, in a medium without bounds.
+/// Radiance that an isotropic point light scatters once into a ray that passes it, in a medium
+/// without bounds.
 fn scattered_once(absorption: f64, scattering: f64, g: f64, intensity: f64, along: f64) -> f64 {
     let (closest, steps) = (0.5f64, 200_000);
     let extinction = absorption + scattering;
@@ -194,7 +196,8 @@ fn lossless_medium_is_invisible_in_a_furnace() {
     }
 }
 
-/// Fog all around, a ball of dark glass, one of milk that does not refract, and one of milk in glass.
+/// Fog all around, a ball of dark glass, one of milk that does not refract, and one of milk in
+/// glass.
 fn everything() -> Arc<Scene> {
     let mut meshes = cube(Vec3::ZERO, 1.0, true, 0);
     meshes.push(square(Vec3::new(0.0, 0.0, 0.99), -Vec3::Z, 0.5, 1));
@@ -257,7 +260,8 @@ fn all_strategies_make_the_image_of_the_path_tracer() {
 #[test]
 fn fog_does_not_shine_through_a_wall() {
     let mut meshes = cube(Vec3::ZERO, 1.0, true, 0);
-    // Its floor and ceiling are not in the same planes: photons on surfaces reach around walls in a plane.
+    // Its floor and ceiling are not in the same planes: photons on surfaces reach around walls in a
+    // plane.
     meshes.extend(cube(Vec3::new(2.01, 0.3, 0.3), 1.0, true, 0));
     meshes.push(square(Vec3::new(2.0, 0.3, 1.2), -Vec3::Z, 0.5, 1));
     let materials = vec![gray(0.5, 0.0), gray(0.0, 4.0)];
@@ -386,7 +390,8 @@ fn bias_of_merges_in_media_is_measured_alone() {
     assert!(nested(&clear, media).iter().flatten().all(|own| *own == 0.0));
 }
 
-/// Before a render, camera paths learn which lights are visible from where. They also meet media, and merge nothing.
+/// Before a render, camera paths learn which lights are visible from where. They also meet media,
+/// and merge nothing.
 #[test]
 fn visibility_of_lights_is_learned_in_fog() {
     let fog = gray_medium(0.1, 1.0, 0.0);
@@ -405,8 +410,8 @@ fn visibility_of_lights_is_learned_in_fog() {
     }
 }
 
-/// The sums within the radii less the annulus are the sums within half of them, and pairs have the same sums and the
-/// differences of their nested radii.
+/// The sums within the radii less the annulus are the sums within half of them, and pairs have the
+/// same sums and the differences of their nested radii.
 #[test]
 fn merges_in_media_nest() {
     let scene = everything();
@@ -478,7 +483,8 @@ fn assert_merges_nest(scene: &Scene, accel: &dyn Intersect, medium_query: Medium
     assert_eq!(differ, 0, "of {lit}");
 }
 
-/// Share of light that two parts of a stack let through and reflect, from the front and from the back.
+/// Share of light that two parts of a stack let through and reflect, from the front and from the
+/// back.
 #[derive(Clone, Copy)]
 struct Layer {
     through: f64,
@@ -493,7 +499,8 @@ impl Layer {
         Self { through: 1.0 - reflected, front: reflected, back: reflected }
     }
 
-    /// This layer, a distance that leaves the share `left`, and another layer. Light is reflected between both.
+    /// This layer, a distance that leaves the share `left`, and another layer. Light is reflected
+    /// between both.
     fn and(self, left: f64, other: Self) -> Self {
         let again = 1.0 / (1.0 - self.back * other.front * left * left);
         let returned = |own: Self, next: f64| own.through.powi(2) * left * left * next * again;
@@ -523,8 +530,8 @@ fn through(meshes: Vec<Mesh>, materials: Vec<Material>, iterations: u32) -> (DVe
     (sum / (16.0 * f64::from(iterations)), (0.25 / paths).sqrt())
 }
 
-/// Wine between two walls of a glass, at a right angle: the wine's surface is the only one where both touch, and names
-/// the glass as its exterior.
+/// Wine between two walls of a glass, at a right angle: the wine's surface is the only one where
+/// both touch, and names the glass as its exterior.
 #[test]
 fn liquid_in_glass_refracts_and_absorbs_by_its_interfaces() {
     let glass = medium(Vec3::new(0.3, 0.1, 0.2), Vec3::ZERO, 0.0);
@@ -559,8 +566,9 @@ fn liquid_in_glass_refracts_and_absorbs_by_its_interfaces() {
     }
 }
 
-/// Wine that reaches into the walls of its glass: the glass has the higher priority, and fills the space of both. Here
-/// no interface refracts, for those of overlapping objects keep their own indices.
+/// Wine that reaches into the walls of its glass: the glass has the higher priority, and fills the
+/// space of both. Here no interface refracts, for those of overlapping objects keep their own
+/// indices.
 #[test]
 fn overlapping_media_absorb_by_their_priority() {
     let with = |absorption, priority| {

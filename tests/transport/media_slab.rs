@@ -1,5 +1,5 @@
-//! Multiple scattering in plane slabs, against the theory of radiative transfer (Chandrasekhar, *Radiative Transfer*,
-//! 1950). Walls of mirrors make a slab as wide as the plane.
+//! Multiple scattering in plane slabs, against the theory of radiative transfer (Chandrasekhar,
+//! *Radiative Transfer*, 1950). Walls of mirrors make a slab as wide as the plane.
 
 use super::media::{SIDE, means};
 use crate::common::fog::{block, gray_medium, index_matched, medium};
@@ -11,8 +11,9 @@ use bdpm::scene::{Camera, Material, Mesh, Scene};
 use glam::Vec3;
 use std::sync::Arc;
 
-/// A shaft with walls of mirrors, 2 `half` apart, around a block of the material 1 with its lower face at 0 and its upper face at 1, a
-/// floor of the material 2 below it and a ceiling of the material 3 above it.
+/// A shaft with walls of mirrors, 2 `half` apart, around a block of the material 1 with its lower
+/// face at 0 and its upper face at 1, a floor of the material 2 below it and a ceiling of the
+/// material 3 above it.
 fn shaft(half: f32, slab: Material, floor: Material, ceiling: Material, eye: Camera) -> Arc<Scene> {
     let white = Reflectance::Artist { normal: Vec3::ONE };
     let mirror = Material::new("mirror", Bsdf::Conductor(Conductor::new(white, 0.0)));
@@ -60,14 +61,15 @@ fn assert_means(scene: &Arc<Scene>, settings: &Settings, iterations: u64, expect
     }
 }
 
-/// A thick slab that absorbs nothing transmits (4/3)/(tau + 2 q) of the flux of uniform light, where q = 0.710446 is
-/// the constant of Hopf. What is left out falls as exp(-tau): it is 4e-5 of the result for tau = 4, by a solution of the
-/// integral equation.
+/// A thick slab that absorbs nothing transmits (4/3)/(tau + 2 q) of the flux of uniform light,
+/// where q = 0.710446 is the constant of Hopf. What is left out falls as exp(-tau): it is 4e-5 of
+/// the result for tau = 4, by a solution of the integral equation.
 #[test]
 fn thick_slab_transmits_as_in_the_diffusion_limit() {
     let thickness = 4.0;
     let transmitted = 4.0 / 3.0 / (thickness + 2.0 * 0.710_446);
-    // The ceiling sends a part of the light back, of which the slab reflects all that it does not transmit.
+    // The ceiling sends a part of the light back, of which the slab reflects all that it does not
+    // transmit.
     let albedo = 0.5;
     let expected = albedo * transmitted / (1.0 - albedo * (1.0 - transmitted));
     let eye = camera(Vec3::new(0.03, 0.02, 1.05), Vec3::new(0.03, 0.02, 1.2), 60.0);
@@ -76,8 +78,8 @@ fn thick_slab_transmits_as_in_the_diffusion_limit() {
     assert_means(&scene, &base(), 24, expected);
 }
 
-/// The function H of Chandrasekhar for isotropic scattering with this albedo, at the nodes of the midpoint rule on
-/// [0, 1] and at 1: 1/H(m) = sqrt(1 - albedo) + albedo/2 int n H(n)/(m + n) dn.
+/// The function H of Chandrasekhar for isotropic scattering with this albedo, at the nodes of the
+/// midpoint rule on [0, 1] and at 1: 1/H(m) = sqrt(1 - albedo) + albedo/2 int n H(n)/(m + n) dn.
 fn h_function(albedo: f64) -> f64 {
     const NODES: usize = 400;
     let node = |i: usize| (i as f64 + 0.5) / NODES as f64;
@@ -93,7 +95,8 @@ fn h_function(albedo: f64) -> f64 {
     at(1.0, &h)
 }
 
-/// A half-space under uniform light sends 1 - H(m) sqrt(1 - albedo) of its radiance back, at the cosine m to the normal.
+/// A half-space under uniform light sends 1 - H(m) sqrt(1 - albedo) of its radiance back, at the
+/// cosine m to the normal.
 #[test]
 fn half_space_reflects_as_the_h_function_has_it() {
     // Chandrasekhar, table XI.

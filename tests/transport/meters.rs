@@ -1,4 +1,5 @@
-//! Meters against closed forms, and against rays of a path tracer, which connects no meter with a light.
+//! Meters against closed forms, and against rays of a path tracer, which connects no meter with a
+//! light.
 
 use crate::common::boxes;
 use crate::common::images::{Difference, Subject};
@@ -48,7 +49,8 @@ fn point_light_above_a_plane_follows_the_inverse_square_law() {
 
 #[test]
 fn square_panel_lights_meters_by_its_form_factor() {
-    // A panel of side 2 at height 1 over meters below its center and one of its corners, and one that faces away.
+    // A panel of side 2 at height 1 over meters below its center and one of its corners, and one
+    // that faces away.
     let panel = square(Vec3::new(0.0, 0.0, 1.0), -Vec3::Z, 1.0, 0);
     let scene = scene(vec![panel], vec![gray(0.0, 7.0)], vec![], blind());
     let meters = [
@@ -56,7 +58,8 @@ fn square_panel_lights_meters_by_its_form_factor() {
         [Vec3::new(1.0, 1.0, 0.0), Vec3::Z],
         [Vec3::new(0.0, 0.0, 0.0), Vec3::NEG_Z],
     ];
-    // Differential element below a corner of a rectangle of sides `a` and `b` at height 1 (Howell, C-1).
+    // Differential element below a corner of a rectangle of sides `a` and `b` at height 1 (Howell,
+    // C-1).
     let corner = |a: f64, b: f64| {
         let part = |a: f64, b: f64| a / (1.0 + a * a).sqrt() * (b / (1.0 + a * a).sqrt()).atan();
         (part(a, b) + part(b, a)) / (2.0 * PI)
@@ -78,7 +81,8 @@ fn sky_lights_a_free_meter_by_its_visible_half() {
     let own = Settings { camera_paths: 64, ..settings(1, 1) };
     let found = irradiance(&Arc::new(scene), &meters, own);
     assert_within(found[0], 2.0 * PI);
-    // The black floor covers two rectangles of 1 by 1 below the meter, perpendicular to it (Howell, C-3).
+    // The black floor covers two rectangles of 1 by 1 below the meter, perpendicular to it (Howell,
+    // C-3).
     let covered = (1.0f64.atan() - 0.5f64.sqrt() * 0.5f64.sqrt().atan()) / PI;
     assert_within(found[1], 2.0 * PI * (1.0 - covered));
 }
@@ -105,7 +109,8 @@ fn closed_box_of_uniform_light_has_the_irradiance_of_the_furnace() {
             ..settings(1, 1)
         };
         for [mean, error] in irradiance(&scene, &meters, by_way(own)) {
-            // Radiance 1/(1 - 0.6) everywhere. The photon of a wall counts for the area within the radius.
+            // Radiance 1/(1 - 0.6) everywhere. The photon of a wall counts for the area within the
+            // radius.
             Estimate { mean, error }.assert_is(PI / 0.4, 2e-3);
         }
     }
@@ -194,8 +199,8 @@ fn wall_with_opening(half: f32) -> Vec<bdpm::scene::Mesh> {
     ]
 }
 
-/// Irradiance of the horizontal below an opening of half side `half` at height 1, by the midpoint rule. `radiance` is
-/// that of a direction of this cosine with the vertical.
+/// Irradiance of the horizontal below an opening of half side `half` at height 1, by the midpoint
+/// rule. `radiance` is that of a direction of this cosine with the vertical.
 fn through_opening(half: f64, radiance: impl Fn(f64) -> f64) -> f64 {
     let n = 1000;
     let at = |i: usize| half * (2.0 * (i as f64 + 0.5) / n as f64 - 1.0);

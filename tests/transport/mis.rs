@@ -1,5 +1,5 @@
-//! Paths that are found in several ways: the weights add up to 1, whatever they are. More furnaces are in
-//! `tests/check/mis.rs`.
+//! Paths that are found in several ways: the weights add up to 1, whatever they are. More furnaces
+//! are in `tests/check/mis.rs`.
 
 use crate::common::several_ways::*;
 use crate::common::*;

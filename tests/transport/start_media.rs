@@ -43,7 +43,8 @@ fn plane_of_an_orthographic_camera_is_partly_in_a_medium() {
 
 #[test]
 fn lens_of_a_camera_is_partly_in_a_medium() {
-    // Half of the lens, a disc of radius 0.5, is in the cube. Rays through it travel nearly one unit.
+    // Half of the lens, a disc of radius 0.5, is in the cube. Rays through it travel nearly one
+    // unit.
     let optics = Optics::ThinLens {
         field_of_view: FieldOfView::X(0.01),
         aperture_radius: 0.5,

@@ -1,5 +1,5 @@
-//! Lights that emit by a picture: light paths, connections and sight carry the same light, and as much
-//! as the picture holds.
+//! Lights that emit by a picture: light paths, connections and sight carry the same light, and as
+//! much as the picture holds.
 
 use crate::common::*;
 use bdpm::base::math::{Rgb, luminance};

@@ -109,7 +109,8 @@ fn light_and_sight_pass_through_holes() {
     }
 }
 
-/// A black sheet of this opacity between a floor and its light, or a gray one alone that a camera sees.
+/// A black sheet of this opacity between a floor and its light, or a gray one alone that a camera
+/// sees.
 fn translucent(opacity: f32, alone: bool) -> Arc<Scene> {
     let sheet = Material { opacity: Some(opacity), ..gray(if alone { 0.5 } else { 0.0 }, 0.0) };
     let floor = square(Vec3::ZERO, Vec3::Z, 5.0, 0);
@@ -150,8 +151,8 @@ fn a_share_of_light_and_sight_passes_where_opacity_is_a_share() {
                 let image = image(&translucent(opacity, alone), backend, settings.clone(), 8);
                 image.iter().map(|value| value.x).sum::<f32>() / image.len() as f32
             };
-            // From 8192 camera paths a share of 0.3 has a relative error of 1.7 %; some ten thousand photons add
-            // less.
+            // From 8192 camera paths a share of 0.3 has a relative error of 1.7 %; some ten
+            // thousand photons add less.
             let opacity = 0.3;
             let seen = match alone {
                 true => mean(opacity) / mean(1.0) / opacity,

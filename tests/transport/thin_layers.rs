@@ -1,4 +1,5 @@
-//! Thin bodies and layers: no light leaks through them or between them, whatever samples it, and however near they are.
+//! Thin bodies and layers: no light leaks through them or between them, whatever samples it, and
+//! however near they are.
 
 use crate::common::strategies::ALL;
 use crate::common::*;
@@ -49,8 +50,8 @@ fn merging(direct: Direct, merge_vertex: u32, light_paths: u32) -> Settings {
     })
 }
 
-/// Light on the ground around a closed house, whose floor has the same normal, does not show inside; and light inside does
-/// not show on the ground.
+/// Light on the ground around a closed house, whose floor has the same normal, does not show
+/// inside; and light inside does not show on the ground.
 #[test]
 fn light_does_not_leak_between_a_floor_and_the_ground_under_it() {
     for gap in GAPS.map(|gap| gap * RADIUS) {
@@ -74,7 +75,8 @@ fn light_does_not_leak_between_a_floor_and_the_ground_under_it() {
     }
 }
 
-/// A sheet on a floor under an even sky is as bright as the floor: its photons are not shared with it.
+/// A sheet on a floor under an even sky is as bright as the floor: its photons are not shared with
+/// it.
 #[test]
 fn sheet_on_a_floor_has_all_of_its_light() {
     for gap in [0.05, 1e-2, 1e-3, 1e-4, 1e-5].map(|gap| gap * RADIUS) {
@@ -121,8 +123,8 @@ fn dark_side_of_a_thin_plate_is_a_thousandth_of_the_bright_side() {
     }
 }
 
-/// A blind, a closed box much thinner than the radius that lets some light through, before a lamp: the side of the room does
-/// not show the light of the side of the lamp.
+/// A blind, a closed box much thinner than the radius that lets some light through, before a lamp:
+/// the side of the room does not show the light of the side of the lamp.
 #[test]
 fn blind_before_a_lamp_shows_its_own_light() {
     let room = closed_box(Vec3::new(-1.0, -1.0, -1.0), Vec3::ONE);
@@ -147,7 +149,8 @@ fn blind_before_a_lamp_shows_its_own_light() {
         let found = mean_luminance(&scene, &accel, own, 48);
         let error = found.error.hypot(expected.error);
         println!("{direct:?} k = {merge_vertex}: {found:?}, path {expected:?}");
-        // Light falls toward the edges of the blind and of the shadow, which a radius of a sixth of it blurs: 2 % remain.
+        // Light falls toward the edges of the blind and of the shadow, which a radius of a sixth of
+        // it blurs: 2 % remain.
         assert!(
             (found.mean - expected.mean).abs() < 4.0 * error + 0.02 * expected.mean,
             "{direct:?} k = {merge_vertex}: {found:?}, path {expected:?}"

@@ -1,4 +1,5 @@
-//! The kernel over wavelengths where camera paths and photons have one: nested widths, its bias and the noise law.
+//! The kernel over wavelengths where camera paths and photons have one: nested widths, its bias and
+//! the noise law.
 
 use super::dispersion::glass;
 use crate::common::*;
@@ -21,9 +22,10 @@ const EDGE: f32 = 0.175;
 /// Iterations that measure the bias.
 const ITERATIONS: usize = 150;
 
-/// A ball of strong dispersion between a spot and a plane far behind it. The camera at the place of the spot sees the plane
-/// through the ball. It sees the edge of the beam sharply, because camera paths and photons of one wavelength arrive at
-/// the same place. Other wavelengths arrive up to half a unit away. With `fog`, a medium is between all objects.
+/// A ball of strong dispersion between a spot and a plane far behind it. The camera at the place of
+/// the spot sees the plane through the ball. It sees the edge of the beam sharply, because camera
+/// paths and photons of one wavelength arrive at the same place. Other wavelengths arrive up to
+/// half a unit away. With `fog`, a medium is between all objects.
 fn seen_through_a_ball(fog: bool) -> Arc<Scene> {
     let ball = sphere(Vec3::ZERO, 0.5, 4, false, 1);
     let normals = ball.positions.iter().map(|p| p.normalize()).collect();
@@ -73,7 +75,8 @@ fn scaled(settings: &Settings, share: f32) -> Settings {
     }
 }
 
-/// Nested differences and the annulus are differences of images of the same paths within smaller radii and widths.
+/// Nested differences and the annulus are differences of images of the same paths within smaller
+/// radii and widths.
 #[test]
 fn nested_merges_equal_renders_at_those_radii_and_widths() {
     for (fog, merge_vertex, kernel, tolerance) in [
@@ -132,7 +135,8 @@ fn nested_merges_equal_renders_at_those_radii_and_widths() {
     }
 }
 
-/// Beside the beam it is dark, but photons of other wavelengths are there, and those of other places within the radius.
+/// Beside the beam it is dark, but photons of other wavelengths are there, and those of other
+/// places within the radius.
 #[test]
 fn measured_bias_has_that_of_the_width() {
     let scene = &seen_through_a_ball(false);

@@ -15,7 +15,8 @@ const HEIGHT: f64 = 3.5;
 const BOARD: f64 = 0.035;
 const SHELVES: usize = 9;
 
-/// A bookcase 2.6 wide and 3.5 high, standing at y = 0 with its back at z = 0 and its front toward +z.
+/// A bookcase 2.6 wide and 3.5 high, standing at y = 0 with its back at z = 0 and its front toward
+/// +z.
 pub fn bookcase(seed: u64) -> Model {
     let mut random = Random(seed);
     let (case, clear) = carcass();

@@ -7,7 +7,8 @@ use super::super::shapes::{Side, cuboid_without, lathe};
 use super::measures::GALLERY;
 use glam::{dvec2, dvec3};
 
-/// A Tuscan column that carries the gallery: as high as the gallery's underside, and a little into it.
+/// A Tuscan column that carries the gallery: as high as the gallery's underside, and a little into
+/// it.
 pub fn column() -> Model {
     let top = GALLERY + 0.005;
     let block = |half: f64, from: f64, to: f64, missing: &[Side]| {

@@ -1,4 +1,5 @@
-//! Furniture of readers: tables, chairs, lamps with green shades, books that lie about, and a globe.
+//! Furniture of readers: tables, chairs, lamps with green shades, books that lie about, and a
+//! globe.
 
 use super::super::mesh::Mesh;
 use super::super::obj::Model;

@@ -1,5 +1,5 @@
-//! Measures of the hall, in meters. The nave runs along z, its middle is x = 0; it has a row of bays
-//! on either side, each with an alcove below and one on the gallery.
+//! Measures of the hall, in meters. The nave runs along z, its middle is x = 0; it has a row of
+//! bays on either side, each with an alcove below and one on the gallery.
 
 /// Bays along each side, and the distance of their columns.
 pub const BAYS: usize = 10;

@@ -1,4 +1,5 @@
-//! `hall`: a library with a coffered vault, its readers' tables, its books and its thousand candles.
+//! `hall`: a library with a coffered vault, its readers' tables, its books and its thousand
+//! candles.
 
 mod books;
 mod columns;

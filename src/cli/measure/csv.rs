@@ -37,7 +37,8 @@ fn table(measurement: &Measurement) -> csv::Result<Vec<u8>> {
     writer.into_inner().map_err(|error| csv::Error::from(error.into_error()))
 }
 
-/// A name as a field that spreadsheets read as text. An apostrophe precedes names that begin like a formula.
+/// A name as a field that spreadsheets read as text. An apostrophe precedes names that begin like a
+/// formula.
 fn as_text(name: &str) -> String {
     let is_formula = name.starts_with(['=', '+', '-', '@', '\t', '\r']);
     if is_formula { format!("'{name}") } else { name.to_owned() }

@@ -6,9 +6,9 @@ use bdpm::Measurement;
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::names::{Names, for_file};
 use bdpm::image_io::{Image, Layer, Value, write_exr};
+use bdpm::light::false_color::{ColorScale, FalseColorMap, ValueGrid};
+use bdpm::light::isolines::isolines_svg;
 use bdpm::measurement::{Reading, SetReadings, quantity};
-use bdpm::output::false_color::{ColorScale, FalseColorMap, ValueGrid};
-use bdpm::output::isolines::isolines_svg;
 use std::path::{Path, PathBuf};
 
 /// Width of a cell in the drawing of isolines.
@@ -17,7 +17,8 @@ const CELL: f64 = 20.0;
 /// Extensions of the files of a grid.
 pub const EXTENSIONS: [&str; 3] = ["png", "svg", "exr"];
 
-/// Paths in a folder for the files of each grid among sets of these names and numbers of meters, without extensions.
+/// Paths in a folder for the files of each grid among sets of these names and numbers of meters,
+/// without extensions.
 pub fn paths<'a>(folder: &Path, sets: impl Iterator<Item = (&'a str, usize)>) -> Vec<PathBuf> {
     let mut names = Names::default();
     let grids = sets.filter(|(_, meters)| *meters > 1);

@@ -6,9 +6,9 @@ use bdpm::Measurement;
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::Result;
 use bdpm::measurement::{Reading, SetReadings, quantity};
-use bdpm::output::page::number::fixed;
-use bdpm::output::page::picture::{Colors, Picture};
-use bdpm::output::page::{document, header, table};
+use bdpm::report::number::fixed;
+use bdpm::report::picture::{Colors, Picture};
+use bdpm::report::{document, header, table};
 use maud::{Markup, html};
 use std::path::Path;
 
@@ -45,7 +45,8 @@ fn page(scene: &str, measurement: &Measurement) -> Markup {
     document(&format!("Light in {scene}"), STYLE, &html! {}, &body)
 }
 
-/// One row per single meter, rows for mean, minimum and maximum of grids, and rows for groups of lights.
+/// One row per single meter, rows for mean, minimum and maximum of grids, and rows for groups of
+/// lights.
 fn readings(measurement: &Measurement) -> Markup {
     let names =
         ["*meter", "*lights", "value", "uncertainty", "noise", "bias", "direct", "indirect"];

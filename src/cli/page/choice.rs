@@ -6,8 +6,8 @@ use crate::cli::human_time;
 use crate::cli::render_report::describe_counts;
 use bdpm::adaptive::technique::{Candidate, Selection};
 use bdpm::image_io::number;
-use bdpm::output::page::number::count;
-use bdpm::output::page::table;
+use bdpm::report::number::count;
+use bdpm::report::table;
 use maud::{Markup, html};
 
 /// Smaller relative differences are not shown.

@@ -5,7 +5,7 @@ use super::sections::percent;
 use crate::cli::human_time;
 use bdpm::adaptive::stopping::Convergence;
 use bdpm::job::RenderState;
-use bdpm::output::page::axes::{Curve, LogPlot, Mark, decimal_ticks, time_ticks};
+use bdpm::report::axes::{Curve, LogPlot, Mark, decimal_ticks, time_ticks};
 use maud::{Markup, html};
 
 /// Points of a curve that is computed.
@@ -146,8 +146,8 @@ impl ErrorCurves {
     }
 }
 
-/// The promised relative variance, from the time of the promise to the end. Information, the reciprocal of the
-/// variance, adds up over time.
+/// The promised relative variance, from the time of the promise to the end. Information, the
+/// reciprocal of the variance, adds up over time.
 fn promised(snapshot: &Snapshot, noise: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
     let promise = snapshot.state.promise()?;
     let then = promise.error.map(|error| error.powi(2) - snapshot.state.stop.bias2);

@@ -8,9 +8,9 @@ use bdpm::base::math::Rgb;
 use bdpm::film::radiance::box_filter;
 use bdpm::image_io::auto_exposure;
 use bdpm::noise::bias::BIAS_CERTAINTY;
-use bdpm::output::page::picture::{Colors, Picture};
 use bdpm::render::bias;
 use bdpm::render::block::coefficients;
+use bdpm::report::picture::{Colors, Picture};
 use maud::{Markup, html};
 use rayon::prelude::*;
 

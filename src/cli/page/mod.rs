@@ -1,7 +1,8 @@
 //! `--report FILE.html`: a page about a render for any browser, updated while the render runs.
 //!
-//! The page is a single file without external resources, which its content policy enforces. It is written atomically,
-//! and reloads itself until the render is done. Zoom, slider and scroll position are kept.
+//! The page is a single file without external resources, which its content policy enforces. It is
+//! written atomically, and reloads itself until the render is done. Zoom, slider and scroll
+//! position are kept.
 
 mod choice;
 mod convergence;
@@ -13,14 +14,15 @@ use super::scene_input::SceneInput;
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::Result;
 use bdpm::job::RenderState;
-use bdpm::output::page::document;
 use bdpm::render::block::CombinedImage;
+use bdpm::report::document;
 use bdpm::settings::provenance::Provenance;
 use maud::{Markup, PreEscaped, html};
 use std::path::PathBuf;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// Minimum ratio of rendering time to the time for writing the page, which then takes at most 2 % of the time.
+/// Minimum ratio of rendering time to the time for writing the page, which then takes at most 2 %
+/// of the time.
 const SHARE: u32 = 50;
 
 /// Minimum and maximum time between two pages, as far as [`SHARE`] allows.
@@ -34,7 +36,8 @@ const FIRST: Duration = Duration::from_millis(500);
 /// Rendering time per pixel before the first page with an image.
 const FIRST_PIXEL: Duration = Duration::from_micros(10);
 
-/// Maximum number of pixels of a picture during the render. Larger pictures are shrunk by an integer factor.
+/// Maximum number of pixels of a picture during the render. Larger pictures are shrunk by an
+/// integer factor.
 const LIVE_PIXELS: u64 = 1 << 20;
 
 /// A render at one moment, or at its end.
@@ -84,7 +87,8 @@ impl Page {
     pub fn write(&mut self, snapshot: &Snapshot) -> Result<()> {
         let (start, elapsed) = (Instant::now(), snapshot.state.elapsed());
         let body = snapshot.state.threads().install(|| self.body(snapshot));
-        // The page contains the time until its reload, so the time for writing to the disk is not yet known.
+        // The page contains the time until its reload, so the time for writing to the disk is not
+        // yet known.
         let [min, max] = PAUSE;
         let pause = (elapsed / PAUSE_SHARE).clamp(min, max).max(start.elapsed() * SHARE);
         let reload = snapshot.report.is_none().then_some(pause);

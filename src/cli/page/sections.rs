@@ -9,7 +9,7 @@ use bdpm::adaptive::error_interval::{COVERAGE, ErrorInterval};
 use bdpm::adaptive::stopping::{Stop, StoppedBy, Target};
 use bdpm::image_io::number;
 use bdpm::noise::bias::UPPER_BOUND;
-use bdpm::output::page::number::count;
+use bdpm::report::number::count;
 use bdpm::settings::provenance::Provenance;
 use maud::{Markup, html};
 

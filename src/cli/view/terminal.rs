@@ -1,5 +1,5 @@
-//! A small picture in the terminal. Each character shows two pixels: a half block in one color on a background of
-//! another. The terminal must support 24-bit colors.
+//! A small picture in the terminal. Each character shows two pixels: a half block in one color on a
+//! background of another. The terminal must support 24-bit colors.
 
 use crate::cli::progress::Progress;
 use bdpm::base::math::Rgb;
@@ -35,7 +35,8 @@ pub fn show(progress: &Progress, image: &CombinedImage, denoised: Option<&Denois
     progress.picture(&lines(&bytes, small.0 as usize));
 }
 
-/// The largest size with this aspect ratio and an even height that fits; `None` if there is too little room.
+/// The largest size with this aspect ratio and an even height that fits; `None` if there is too
+/// little room.
 fn fitting((width, height): (u32, u32), (columns, rows): (u32, u32)) -> Option<(u32, u32)> {
     let scale = (f64::from(columns) / f64::from(width)).min(f64::from(rows) / f64::from(height));
     let along = |pixels: u32| (f64::from(pixels) * scale.min(1.0)).round() as u32;

@@ -1,5 +1,6 @@
-//! Shows the image in tev by its TCP protocol: an image of named channels is created once, then its pixels are
-//! updated. A separate thread sends the pixels, so that a viewer that hangs does not delay the render.
+//! Shows the image in tev by its TCP protocol: an image of named channels is created once, then its
+//! pixels are updated. A separate thread sends the pixels, so that a viewer that hangs does not
+//! delay the render.
 
 use crate::cli::progress::Progress;
 use bdpm::image_io::Layer;
@@ -14,7 +15,8 @@ use tev_client::{PacketCreateImage, PacketUpdateImage, TevClient};
 /// Time to wait for a connection.
 const CONNECTING: Duration = Duration::from_secs(1);
 
-/// Time after which a viewer that accepts no data counts as gone, and maximum wait at the end of the program.
+/// Time after which a viewer that accepts no data counts as gone, and maximum wait at the end of
+/// the program.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Pixels for tev.
@@ -52,8 +54,8 @@ pub struct Tev {
 }
 
 impl Tev {
-    /// Shows an image of this name in the viewer at `address`. Warns once if there is no answer, and tries again with
-    /// each frame.
+    /// Shows an image of this name in the viewer at `address`. Warns once if there is no answer,
+    /// and tries again with each frame.
     pub fn new(address: &str, name: &str, progress: &Progress) -> Self {
         let (frames, to_send) = sync_channel::<Frame>(1);
         let (sent, done) = sync_channel(1);

@@ -1,0 +1,157 @@
+//! The policy that decides before each iteration on path counts and on measuring.
+
+use super::autopilot::{Autopilot, AutopilotState, Promise};
+use super::plan::Plan;
+use super::stopping::Stop;
+use bdpm_core::base::error::{Error, Result};
+use bdpm_core::base::iteration_set::IterationSet;
+use bdpm_core::noise::Measure;
+use bdpm_core::noise::schedule::MeasureSchedule;
+use bdpm_core::render::Renderer;
+use bdpm_core::render::block;
+use bdpm_core::render::block::Block;
+use std::ops::Range;
+
+/// Decides on path counts and measuring while an image is rendered.
+#[derive(Debug)]
+pub enum CountPolicy {
+    /// The counts of the settings for all iterations.
+    Fixed(MeasureSchedule),
+    /// The steps of a plan, one after the other; the last one has no end.
+    Plan(Replay),
+    /// The counts with the minimum error for the time, chosen during the render.
+    Automatic(Box<Autopilot>),
+}
+
+impl CountPolicy {
+    /// Prepares the next iteration, after `elapsed` seconds of this run, and returns its
+    /// measurement.
+    ///
+    /// # Errors
+    /// If the counts of the next step of a plan do not fit in the memory.
+    pub fn prepare(
+        &mut self,
+        renderer: &mut Renderer,
+        stop: &Stop,
+        elapsed: f64,
+    ) -> Result<Measure> {
+        match self {
+            Self::Fixed(_) => {}
+            Self::Plan(replay) => replay.enter_step(renderer)?,
+            Self::Automatic(autopilot) => return Ok(autopilot.prepare(renderer, stop, elapsed)),
+        }
+        Ok(self.schedule().measure(
+            renderer.block_iteration(),
+            &renderer.block().counts,
+            renderer.settings(),
+        ))
+    }
+
+    /// Takes the reason why the latest choice of counts failed, if it did. The counts in force were
+    /// kept.
+    pub fn take_failure(&mut self) -> Option<Error> {
+        match self {
+            Self::Automatic(autopilot) => autopilot.take_failure(),
+            Self::Fixed(_) | Self::Plan(_) => None,
+        }
+    }
+
+    /// The iterations that are measured before the next decision.
+    pub fn schedule(&self) -> MeasureSchedule {
+        match self {
+            Self::Fixed(schedule) => *schedule,
+            Self::Plan(_) => MeasureSchedule::default(),
+            Self::Automatic(autopilot) => autopilot.schedule(),
+        }
+    }
+
+    /// Iterations that the block with the first iteration `first` may have.
+    pub fn range(&self, first: u64) -> Range<u64> {
+        match self {
+            Self::Plan(replay) => replay.range(first),
+            Self::Fixed(_) | Self::Automatic(_) => first..u64::MAX,
+        }
+    }
+
+    /// Weight of an iteration of each block, for this importance of the pixels.
+    pub fn weights(&self, blocks: &[Block], importance: &[f64]) -> Vec<f64> {
+        match self {
+            Self::Plan(replay) => replay.plan.weights(blocks),
+            Self::Fixed(_) | Self::Automatic(_) => block::weights(blocks, importance),
+        }
+    }
+
+    /// Seconds per iteration from now on, after `done` iterations in `elapsed` seconds of this run;
+    /// `None` until they are known.
+    pub fn iteration_time(&self, renderer: &Renderer, done: u64, elapsed: f64) -> Option<f64> {
+        match self {
+            Self::Automatic(autopilot) => autopilot.iteration_time(renderer, elapsed),
+            Self::Fixed(_) | Self::Plan(_) => (done > 0).then(|| elapsed / done as f64),
+        }
+    }
+
+    /// State for a checkpoint, after `elapsed` seconds of this run; `None` if the iterations
+    /// suffice to resume.
+    pub fn state(&self, elapsed: f64) -> Option<AutopilotState> {
+        match self {
+            Self::Automatic(autopilot) => Some(autopilot.state(elapsed)),
+            Self::Fixed(_) | Self::Plan(_) => None,
+        }
+    }
+
+    /// The plan that is rendered, if there is one.
+    pub fn plan(&self) -> Option<&Plan> {
+        match self {
+            Self::Plan(replay) => Some(&replay.plan),
+            Self::Fixed(_) | Self::Automatic(_) => None,
+        }
+    }
+
+    /// The promised error or time, once there is one.
+    pub fn promise(&self) -> Option<&Promise> {
+        match self {
+            Self::Automatic(autopilot) => autopilot.promise(),
+            Self::Fixed(_) | Self::Plan(_) => None,
+        }
+    }
+}
+
+/// Renders a plan step by step.
+#[derive(Clone, Debug)]
+pub struct Replay {
+    plan: Plan,
+    /// Iterations of each step.
+    ranges: Vec<Range<u64>>,
+}
+
+impl Replay {
+    /// Starts with the first step that has iterations to render.
+    pub fn new(plan: Plan) -> Self {
+        let ranges = plan.ranges();
+        Self { plan, ranges }
+    }
+
+    /// Lets the renderer enter the block of the first step that has iterations to render.
+    fn enter_step(&self, renderer: &mut Renderer) -> Result<()> {
+        let unfinished = self.ranges.iter().position(|range| has_remaining(range, renderer));
+        let step = unfinished.unwrap_or(self.ranges.len() - 1);
+        let (first, counts) = (self.ranges[step].start, &self.plan.steps[step].counts);
+        let block = renderer.block();
+        if block.first != first || block.counts != *counts {
+            renderer.enter_block(first, counts.clone())?;
+        }
+        Ok(())
+    }
+
+    fn range(&self, first: u64) -> Range<u64> {
+        let range = self.ranges.iter().find(|range| range.start == first);
+        range.cloned().unwrap_or(first..u64::MAX)
+    }
+}
+
+/// Returns true if the renderer has iterations of a step left to render.
+fn has_remaining(range: &Range<u64>, renderer: &Renderer) -> bool {
+    let block = renderer.blocks().iter().find(|block| block.first == range.start);
+    let assigned = renderer.assigned().within(&IterationSet::from(range.clone()));
+    !block.map_or(assigned.clone(), |block| assigned.without(&block.numbers)).is_empty()
+}

@@ -1,0 +1,516 @@
+//! Stop conditions, the convergence of an image, and forecasts of its error and time.
+
+use crate::adaptive::error_interval::{ErrorInterval, SquaredPart};
+use crate::adaptive::optimize::Objective;
+use bdpm_core::base::error::{Error, Result};
+use bdpm_core::base::math::Rgb;
+use bdpm_core::film::radiance::{box_filter, box_filtered, luminance, luminance_weights, total};
+use bdpm_core::film::windows::sum_of_squared_sums;
+use bdpm_core::noise::bias::UPPER_BOUND;
+use bdpm_core::render::block::{Block, CombinedImage};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::str::FromStr;
+use std::time::Duration;
+
+/// Minimum number of iterations before a target counts as reached. Stopping at the first low
+/// estimate would stop too early on average.
+pub const MIN_ITERATIONS_TO_TARGET: u64 = 32;
+
+/// Minimum of the noise's share of the squared target error. It keeps a target reachable whose
+/// square is smaller than the squared bias.
+pub const MIN_NOISE_SHARE: f64 = 0.1;
+
+/// Minimum share of a pixel's squared luminance that is not noise. Below it, the luminance of the
+/// neighborhood is the better estimate.
+const MIN_SIGNAL_SHARE: f64 = 0.9;
+
+/// Standard deviation of the true squared bias around that of the pilot, relative to the latter:
+/// where light is rare, the pilot sees little of the bias.
+pub const PILOT_SPREAD: f64 = 4.0;
+
+/// Conditions to stop at: the first one that holds ends a render. Without any, it never ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stop {
+    /// Number of iterations, those of a resumed image included.
+    pub iterations: Option<u64>,
+    /// Rendering time.
+    pub time: Option<Duration>,
+    /// Pooled RMS of the noise.
+    pub target: Option<Target>,
+    /// Relative RMS error, noise and bias together: 0.01 for 1 %.
+    pub error: Option<f64>,
+    /// The noise to minimize: pooled or relative.
+    pub objective: Objective,
+    /// Latest estimate of the squared relative bias of the image.
+    pub bias2: f64,
+    /// Squared relative bias that the pilot expects at the end: the prior of what the image
+    /// measures.
+    pub pilot_bias2: f64,
+}
+
+impl Default for Stop {
+    /// No condition; the relative error counts.
+    fn default() -> Self {
+        let (iterations, time, target, error) = (None, None, None, None);
+        let objective = Objective::Relative;
+        Self { iterations, time, target, error, objective, bias2: 0.0, pilot_bias2: 0.0 }
+    }
+}
+
+impl Stop {
+    /// These conditions with the squared relative bias that the pilot expects.
+    #[must_use]
+    pub fn with_pilot_bias2(self, bias2: f64) -> Self {
+        Self { bias2, pilot_bias2: bias2, ..self }
+    }
+
+    /// Stops after this rendering time. Jobs refuse a time of 0.
+    pub fn time(time: Duration) -> Self {
+        Self { time: Some(time), ..Self::default() }
+    }
+
+    /// Stops at this relative RMS error, noise and bias together: 0.01 for 1 %.
+    pub fn error(error: f64) -> Self {
+        Self { error: Some(error), ..Self::default() }
+    }
+
+    /// Stops after this number of iterations. The counts are then not chosen.
+    pub fn iterations(iterations: u64) -> Self {
+        Self { iterations: Some(iterations), ..Self::default() }
+    }
+
+    /// Relative variance that a total error leaves for noise beside the bias. It is at least
+    /// [`MIN_NOISE_SHARE`] of the squared error, even if the bias alone exceeds the error.
+    pub fn noise2(&self, error: f64) -> f64 {
+        let error2 = error * error;
+        (error2 - self.bias2).max(MIN_NOISE_SHARE * error2)
+    }
+}
+
+/// Weights of the squared errors of the [cells](bdpm_core::film::cells), which are single pixels
+/// except in large images: by their luminance for the relative objective, else 1.
+pub fn importance(blocks: &[Block], objective: Objective) -> Vec<f64> {
+    let image = CombinedImage::new(blocks, vec![1.0; blocks.len()]);
+    if objective != Objective::Relative {
+        return vec![1.0; image.grid().len()];
+    }
+    luminance_weights(&luminances(&image))
+}
+
+/// Luminance of each cell, W/(m^2 sr), without the contribution of noise to its square: the root of
+/// the mean square over its pixels. If noise dominates a cell, the luminance of its neighborhood
+/// takes its place. The merge bias is corrected where it is measured: in a dark pixel beside a
+/// caustic, it can be many times the luminance.
+pub fn luminances(image: &CombinedImage) -> Vec<f64> {
+    let grid = image.grid();
+    if !grid.is_single_pixels() {
+        let moments = image.cell_moments();
+        let rms: Vec<f64> = moments.par_iter().map(|moments| moments.square.sqrt()).collect();
+        let variance: Option<Vec<f64>> =
+            moments.par_iter().map(|moments| moments.variance).collect();
+        return match variance {
+            Some(variance) => without_noise(&rms, &variance, grid.size()),
+            None => rms,
+        };
+    }
+    let of = |image: Vec<Rgb>| -> Vec<f64> {
+        image.into_par_iter().map(|value| luminance(value.as_dvec3())).collect()
+    };
+    let merged = of(image.uncorrected_mean());
+    let mut clean = match image.uncorrected_variance() {
+        Some(variance) => without_noise(&merged, &variance, image.resolution()),
+        None => merged,
+    };
+    if image.bias_correction().is_some() {
+        let (width, height) = image.resolution();
+        let corrected: Vec<_> = of(image.mean()).into_iter().map(|own| [own]).collect();
+        let around = box_filter(&corrected, width, height);
+        // The noise of the correction must not darken single pixels: the neighborhood bounds it.
+        let pixels = clean.par_iter_mut().zip(&corrected).zip(&around);
+        pixels.for_each(|((clean, [own]), [around])| *clean = clean.min(own.max(*around)).max(0.0));
+    }
+    clean
+}
+
+/// Roots of the squared means minus their variances, since noise adds its variance to the square.
+/// The neighborhood is used if the variance exceeds `1 - MIN_SIGNAL_SHARE` of the square.
+pub fn without_noise(mean: &[f64], variance: &[f64], (width, height): (u32, u32)) -> Vec<f64> {
+    let squares: Vec<_> = mean.par_iter().zip(variance).map(|(l, v)| [l * l - v]).collect();
+    let clean = |(index, luminance): (usize, &f64)| {
+        let [pixel] = squares[index];
+        let is_clean = pixel > MIN_SIGNAL_SHARE * luminance * luminance;
+        let [square] =
+            if is_clean { [pixel] } else { box_filtered(&squares, index, width, height) };
+        square.max(0.0).sqrt()
+    };
+    mean.par_iter().enumerate().map(clean).collect()
+}
+
+/// A pooled RMS, the root of the mean variance over all pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Target {
+    /// Luminance, W/(m^2 sr).
+    Absolute(f64),
+    /// Share of the image's mean luminance, 0.01 for 1 %.
+    Share(f64),
+}
+
+/// Reason for the end of a render.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StoppedBy {
+    /// All iterations were rendered.
+    Iterations,
+    /// The time is over.
+    Time,
+    /// The noise is low enough.
+    Target,
+    /// The user interrupted the render.
+    Interrupt,
+    /// A step after the first iteration failed. The image has the iterations before it.
+    Failure,
+}
+
+impl Target {
+    /// The target as luminance, for an image of this mean luminance.
+    pub fn absolute(self, mean_luminance: f64) -> f64 {
+        match self {
+            Self::Absolute(rms) => rms,
+            Self::Share(share) => share * mean_luminance,
+        }
+    }
+}
+
+impl FromStr for Target {
+    type Err = Error;
+
+    /// Reads a luminance such as `0.002`, or a share of the mean luminance such as `1%`.
+    fn from_str(text: &str) -> Result<Self> {
+        let text = text.trim();
+        let (number, percent) = match text.strip_suffix('%') {
+            Some(number) => (number.trim_end(), true),
+            None => (text, false),
+        };
+        match number.parse::<f64>() {
+            Ok(value) if value > 0.0 && value.is_finite() => {
+                Ok(if percent { Self::Share(value / 100.0) } else { Self::Absolute(value) })
+            }
+            _ => Err(Error::new(
+                format!("`{text}` is not an RMS"),
+                "give a positive luminance, or a share of the mean luminance such as 1%",
+            )),
+        }
+    }
+}
+
+/// Noise and bias of an image; luminances, W/(m^2 sr).
+#[derive(Clone, Debug)]
+pub struct Convergence {
+    /// Weight of an iteration of each block.
+    pub weights: Vec<f64>,
+    /// Iterations of all blocks.
+    pub iterations: u64,
+    /// Mean luminance of the image.
+    pub mean_luminance: f64,
+    /// Pooled variance of the image and its standard error, once they are known.
+    pub variance: Option<(f64, f64)>,
+    /// Mean over pixels of their variance times their importance, once it is known: pooled or
+    /// relative.
+    pub weighted_variance: Option<f64>,
+    /// Squared relative bias that remains after bias correction and its standard error, once it is
+    /// measured.
+    pub bias2: Option<SquaredPart>,
+    /// Standard deviation of the weighted squared noise of this image around its variance, relative
+    /// to the variance; 0 if it is not known.
+    pub noise_spread: f64,
+    /// Weighted variance of one iteration at the present path counts, once it is known.
+    pub per_iteration: Option<f64>,
+}
+
+/// Standard deviation of the weighted mean of values with expectation 0, whose neighbors are
+/// correlated.
+fn weighted_deviation(values: &[f64], importance: &[f64], size: (u32, u32)) -> f64 {
+    let weighted: Vec<f64> = values.par_iter().zip(importance).map(|(v, w)| v * w).collect();
+    sum_of_squared_sums(&weighted, size).sqrt() / values.len() as f64
+}
+
+/// Forecast of the end of a render.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Forecast {
+    /// Pooled RMS at the end, W/(m^2 sr).
+    pub rms: f64,
+    /// Share of the present weighted variance that remains at the end.
+    pub left: f64,
+    /// Rendering time from now to the end, seconds.
+    pub seconds: f64,
+}
+
+impl Convergence {
+    /// Convergence of an image with these weights of its blocks and importance of its cells.
+    pub fn new(blocks: &[Block], weights: Vec<f64>, importance: &[f64]) -> Self {
+        Self::of(CombinedImage::new(blocks, weights), importance)
+    }
+
+    /// Convergence of an image with this importance of its cells.
+    pub fn of(combined: CombinedImage, importance: &[f64]) -> Self {
+        let blocks = combined.blocks();
+        let mean_of = |variance: &[f64]| {
+            let weighted = variance.par_iter().zip(importance).map(|(v, weight)| v * weight);
+            total(&weighted.collect::<Vec<f64>>(), |term| *term) / importance.len() as f64
+        };
+        let film = blocks.last().map(|block| &block.film);
+        let block_variance =
+            film.and_then(|film| Some((film.cell_variance()?, film.iterations as f64)));
+        let image_variance = match blocks {
+            [_] if combined.bias_correction().is_none() => {
+                block_variance.as_ref().map(|(variance, _)| variance.clone())
+            }
+            _ => combined.cell_variance(),
+        };
+        let size = combined.grid().size();
+        let bias2 = combined.bias_correction().map(|correction| SquaredPart {
+            value: mean_of(&correction.bias2),
+            deviation: weighted_deviation(&correction.bias2_difference, importance, size),
+        });
+        let noise_spread = match (combined.bias_correction(), combined.uncorrected_cell_variance())
+        {
+            (Some(correction), Some(variance)) => {
+                let squares = correction.squared_noise.par_iter().zip(&variance);
+                let around: Vec<f64> = squares.map(|(own, variance)| own - variance).collect();
+                weighted_deviation(&around, importance, size) / mean_of(&variance)
+            }
+            _ => 0.0,
+        };
+        let uncorrected = combined.uncorrected_cell_variance().as_deref().map(mean_of);
+        // The change by the correction is an estimate, too. If it exceeds the variance, it is not
+        // used.
+        let weighted_variance = image_variance.as_deref().map(mean_of);
+        let weighted_variance =
+            weighted_variance.filter(|variance| *variance > 0.0).or(uncorrected);
+        // Bias correction scales the variance of the image. Scale that of one iteration by the same
+        // factor.
+        let noise_factor = match (weighted_variance, uncorrected) {
+            (Some(corrected), Some(uncorrected))
+                if uncorrected > 0.0 && combined.bias_correction().is_some() =>
+            {
+                corrected / uncorrected
+            }
+            _ => 1.0,
+        };
+        Self {
+            iterations: combined.iterations(),
+            mean_luminance: combined.mean_luminance(),
+            variance: combined.pooled_variance(),
+            weighted_variance,
+            bias2,
+            noise_spread,
+            per_iteration: block_variance
+                .map(|(variance, iterations)| noise_factor * mean_of(&variance) * iterations),
+            weights: combined.into_weights(),
+        }
+    }
+
+    /// The squared bias by the image and by the pilot. The image measures it better and better:
+    /// theory.md (93d).
+    pub fn squared_bias(&self, stop: &Stop) -> SquaredPart {
+        let prior = PILOT_SPREAD * stop.pilot_bias2;
+        let Some(SquaredPart { value, deviation }) = self.bias2 else {
+            return SquaredPart { value: stop.bias2, deviation: prior };
+        };
+        let variances = prior.powi(2) + deviation.powi(2);
+        let certainty = if prior > 0.0 { prior.powi(2) / variances } else { 1.0 };
+        let value = (certainty * value + (1.0 - certainty) * stop.pilot_bias2).max(0.0);
+        SquaredPart { value, deviation: certainty.sqrt() * deviation }
+    }
+
+    /// The stop conditions with the bias that was measured in the image, if there is one.
+    pub fn with_measured_bias(&self, stop: &Stop) -> Stop {
+        Stop { bias2: self.squared_bias(stop).value, ..*stop }
+    }
+
+    /// Returns true if the image has reached the target of its noise or error.
+    pub fn is_good_enough(&self, stop: &Stop) -> bool {
+        stop.target.is_some_and(|target| self.reaches(target))
+            || stop.error.is_some_and(|error| self.reaches_variance(stop.noise2(error)))
+    }
+
+    /// Returns true if the upper 90 % bound of the weighted variance is at most `allowed`. Its
+    /// relative standard error is taken from the pooled variance, whose error is larger since few
+    /// pixels dominate it.
+    fn reaches_variance(&self, allowed: f64) -> bool {
+        let bound = |(weighted, (variance, error)): (f64, (f64, f64))| {
+            weighted * (1.0 + UPPER_BOUND * error / variance)
+        };
+        self.iterations >= MIN_ITERATIONS_TO_TARGET
+            // theory.md (91)
+            && self.weighted_variance.zip(self.variance).map(bound).is_some_and(|bound| bound <= allowed)
+    }
+
+    /// Relative error, noise and bias, when the share `left` of the variance remains; `None` for
+    /// other objectives.
+    pub fn error(&self, stop: &Stop, left: f64) -> Option<f64> {
+        let noise2 = self.weighted_variance.filter(|_| stop.objective == Objective::Relative)?;
+        Some((noise2 * left + stop.bias2).sqrt())
+    }
+
+    /// Interval for [`Self::error`]; `None` while the error of the noise is not known.
+    pub fn error_interval(&self, stop: &Stop, left: f64) -> Option<ErrorInterval> {
+        let noise2 = self.weighted_variance.filter(|_| stop.objective == Objective::Relative)?;
+        let (variance, error) = self.variance?;
+        let estimate = if variance > 0.0 { error / variance } else { 0.0 };
+        let relative = self.noise_spread.hypot(estimate);
+        let value = noise2 * left;
+        let noise = SquaredPart { value, deviation: value * relative };
+        let bias = self.squared_bias(stop);
+        relative.is_finite().then(|| ErrorInterval::new(noise, bias, left < 1.0))
+    }
+
+    /// The weighted variance relative to the squared luminance of each pixel, or of the mean.
+    pub fn relative_variance(&self, objective: Objective) -> Option<f64> {
+        let scale = match objective {
+            Objective::Relative => 1.0,
+            _ => self.mean_luminance.powi(2).recip(),
+        };
+        self.weighted_variance.map(|variance| variance * scale).filter(|share| share.is_finite())
+    }
+
+    /// Pooled RMS, W/(m^2 sr).
+    pub fn rms(&self) -> Option<f64> {
+        self.variance.map(|(variance, _)| variance.sqrt())
+    }
+
+    /// Returns true if the upper 90 % bound of the pooled RMS is at most the target.
+    pub fn reaches(&self, target: Target) -> bool {
+        let allowed = target.absolute(self.mean_luminance).powi(2);
+        self.iterations >= MIN_ITERATIONS_TO_TARGET
+            // theory.md (91)
+            && self.variance.is_some_and(|(v, error)| v + UPPER_BOUND * error <= allowed)
+    }
+
+    /// Forecast after `elapsed` seconds of rendering if each further iteration takes `tau` seconds
+    /// and has the weighted variance `variance`; `None` before the noise is known.
+    ///
+    /// Information, the reciprocal of the variance, adds up over iterations.
+    pub fn forecast(&self, stop: &Stop, variance: f64, tau: f64, elapsed: f64) -> Option<Forecast> {
+        let ((pooled, error), now) = (self.variance?, self.weighted_variance?);
+        if !(now > 0.0 && variance > 0.0 && tau > 0.0) {
+            return Some(Forecast { rms: pooled.sqrt(), left: 1.0, seconds: 0.0 });
+        }
+        let by_count = stop.iterations.map(|n| n.saturating_sub(self.iterations) as f64);
+        let by_time = stop.time.map(|time| ((time.as_secs_f64() - elapsed) / tau).max(0.0));
+        let by_target = [
+            stop.target.map(|target| target.absolute(self.mean_luminance).powi(2) * now / pooled),
+            stop.error.map(|error| stop.noise2(error)),
+        ];
+        let by_target = by_target.map(|allowed| {
+            let allowed = allowed?;
+            // The upper bound must decrease to the target. Its relative distance from the estimate
+            // decreases with the root of the number of iterations.
+            let distance = UPPER_BOUND * if error.is_finite() { error / pooled } else { 0.0 };
+            let iterations = self.iterations as f64;
+            // theory.md (90)
+            let needed = |margin: f64| ((margin / allowed - 1.0 / now) * variance).max(0.0);
+            let first = needed(1.0);
+            let more = needed(1.0 + distance * (iterations / (iterations + first)).sqrt());
+            Some(more.max(MIN_ITERATIONS_TO_TARGET as f64 - iterations).max(0.0))
+        });
+        let ends = [by_count, by_time].into_iter().chain(by_target);
+        let more = ends.flatten().fold(f64::NAN, f64::min);
+        // theory.md (89)
+        let left = (1.0 + more * now / variance).recip();
+        Some(Forecast { rms: (pooled * left).sqrt(), left, seconds: more * tau })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn target_is_a_luminance_or_a_share() {
+        assert_eq!("0.25".parse::<Target>().unwrap(), Target::Absolute(0.25));
+        assert_eq!(" 1 %".parse::<Target>().unwrap(), Target::Share(0.01));
+        assert_eq!(Target::Share(0.01).absolute(30.0), 0.3);
+        for bad in ["", "%", "0", "-1%", "nan", "inf", "1e999", "5%%", "x"] {
+            let shown = bad.parse::<Target>().unwrap_err().to_string();
+            assert!(shown.contains("help: give a positive luminance"), "{bad}: {shown}");
+        }
+    }
+
+    fn convergence(iterations: u64, variance: f64, error: f64) -> Convergence {
+        Convergence {
+            weights: vec![1.0],
+            iterations,
+            mean_luminance: 2.0,
+            variance: Some((variance, error)),
+            weighted_variance: Some(variance),
+            bias2: None,
+            noise_spread: 0.0,
+            per_iteration: Some(variance * iterations as f64),
+        }
+    }
+
+    #[test]
+    fn target_needs_32_iterations_and_a_small_standard_error() {
+        let target = Target::Share(0.05); // variance 0.01
+        assert!(convergence(32, 0.009, 0.0005).reaches(target));
+        assert!(!convergence(31, 0.009, 0.0005).reaches(target));
+        assert!(!convergence(32, 0.009, 0.001).reaches(target));
+        assert!(!convergence(32, 0.009, f64::INFINITY).reaches(target));
+        let unknown =
+            Convergence { variance: None, weighted_variance: None, ..convergence(32, 0.0, 0.0) };
+        assert!(!unknown.reaches(target));
+    }
+
+    #[test]
+    fn forecast_ends_at_the_first_condition() {
+        let now = convergence(100, 0.04, 0.0);
+        let forecast = |stop: Stop| now.forecast(&stop, 4.0, 0.5, 50.0).unwrap();
+        let by_count = forecast(Stop { iterations: Some(400), ..Stop::default() });
+        assert!((by_count.rms - 0.1).abs() < 1e-12 && by_count.seconds == 150.0);
+        let time = Some(Duration::from_secs(150));
+        let by_time = forecast(Stop { time, ..Stop::default() });
+        assert!((by_time.rms.powi(2) - 4.0 / 300.0).abs() < 1e-12 && by_time.seconds == 100.0);
+        let target = Some(Target::Absolute(0.1));
+        let by_target = forecast(Stop { target, ..Stop::default() });
+        assert!((by_target.rms - 0.1).abs() < 1e-12 && (by_target.seconds - 150.0).abs() < 1e-9);
+        let first = forecast(Stop { iterations: Some(400), time, target, ..Stop::default() });
+        assert_eq!(first, by_time);
+    }
+
+    #[test]
+    fn bias_is_that_of_the_pilot_until_the_image_measures_it() {
+        let stop = Stop::default().with_pilot_bias2(1e-4);
+        let now = convergence(100, 0.04, 0.0);
+        assert_eq!(now.with_measured_bias(&stop).bias2, 1e-4);
+        let measured = |value, deviation| {
+            let bias2 = Some(SquaredPart { value, deviation });
+            Convergence { bias2, ..now.clone() }.with_measured_bias(&stop).bias2
+        };
+        // The deviation of the pilot is 4e-4.
+        assert!((measured(9e-4, 4e-4) - 5e-4).abs() < 1e-12);
+        assert!((measured(9e-4, 1e-9) - 9e-4).abs() < 1e-9);
+        assert_eq!(measured(-9e-4, 4e-4), 0.0);
+        // Its deviation does not grow from one estimate to the next.
+        let again = stop.with_pilot_bias2(0.0);
+        assert_eq!(
+            Convergence { bias2: Some(SquaredPart { value: 3e-4, deviation: 1.0 }), ..now.clone() }
+                .with_measured_bias(&again)
+                .bias2,
+            3e-4
+        );
+    }
+
+    #[test]
+    fn uncertain_variance_prolongs_the_forecast() {
+        let target = Some(Target::Absolute(0.1));
+        let stop = Stop { target, ..Stop::default() };
+        let certain = convergence(100, 0.04, 0.0).forecast(&stop, 4.0, 0.5, 50.0).unwrap();
+        let uncertain = convergence(100, 0.04, 0.004).forecast(&stop, 4.0, 0.5, 50.0).unwrap();
+        assert!(
+            uncertain.seconds > 1.05 * certain.seconds && uncertain.seconds < 1.2 * certain.seconds
+        );
+    }
+}

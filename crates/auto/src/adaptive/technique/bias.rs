@@ -1,0 +1,124 @@
+//! Predicts the merge bias of one class of photons at any radius, from a trial and a prior.
+
+use super::Technique;
+use super::trial::Trial;
+use bdpm_core::noise::bias::weighted_square;
+use bdpm_core::noise::image::Statistic;
+use bdpm_core::settings::{Direct, Kernel};
+use bdpm_core::transport::photon::PhotonClass;
+
+/// Factor on the bias from a radius to `1/sqrt(2)` of it, for photons after a diffuse bounce.
+///
+/// The squared bias of the kernel by true area falls as the cube of the radius along an edge, so
+/// that this is `2^(-3/4)`.
+pub const TYPICAL_FALL: f64 = 0.5946;
+
+/// [`TYPICAL_FALL`] for light that draws sharp edges (caustics and shadows): the squared bias falls
+/// as the square of the radius.
+const TYPICAL_SHARP_FALL: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// Squared relative bias over the cube of the radius, with the radius in widths of what the image
+/// shows. Fixed by trial on the Cornell boxes.
+const TYPICAL_BIAS: f64 = 20.0;
+
+/// Squared relative bias over the square of the radius, in the same unit: of caustics, and of
+/// direct light from the photon map. Fixed by trial.
+const TYPICAL_SHARP_BIAS: [f64; 2] = [5.0, 15.0];
+
+/// Standard deviation of the prior of the squared bias, relative to its mean.
+///
+/// Standard errors of measured biases are too small where light is rare. A larger value would let
+/// such a measurement override the prior.
+const PRIOR_SPREAD: f64 = 1.0;
+
+/// Lower bound of a squared bias, relative to the mean of the prior.
+const MINIMUM_OF_PRIOR: f64 = 0.05;
+
+/// [`MINIMUM_OF_PRIOR`] for the disc kernel: a short trial can underestimate the bias along edges
+/// by a large factor.
+const MINIMUM_OF_PRIOR_ON_DISCS: f64 = 0.3;
+
+/// Squared bias of the disc kernel over that of the kernel by true area after a diffuse bounce, as
+/// measured in the Cornell boxes by `examples/kernel_table.rs`.
+const DISC_BIAS: f64 = 20.0;
+
+/// [`TYPICAL_FALL`] for the disc kernel, whose squared bias falls as the radius.
+const DISC_FALL: f64 = 0.8409;
+
+/// Squared relative bias at one radius, and how it falls with the radius.
+#[derive(Clone, Copy, Debug)]
+pub struct Bias {
+    /// Scene units.
+    pub radius: f64,
+    /// Squared relative bias at `radius`.
+    pub square: f64,
+    /// Standard error of `square`.
+    pub error: f64,
+    /// Factor on the bias from a radius to `1/sqrt(2)` of it.
+    pub falls_to: f64,
+}
+
+/// Prior of a squared relative bias, before anything is measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Prior {
+    square: f64,
+    /// Standard deviation of `square`.
+    spread: f64,
+    falls_to: f64,
+    /// Lower bound of any estimate.
+    minimum: f64,
+}
+
+impl Prior {
+    /// Prior at a radius that is given in widths of what the image shows.
+    pub fn new(class: PhotonClass, technique: Technique, radius: f64) -> Self {
+        let disc = technique.kernel == Kernel::Disc;
+        let (square, falls_to) = match (class, disc) {
+            (PhotonClass::Diffuse, false) => (TYPICAL_BIAS * radius.powi(3), TYPICAL_FALL),
+            (PhotonClass::Diffuse, true) => (DISC_BIAS * TYPICAL_BIAS * radius.powi(3), DISC_FALL),
+            (PhotonClass::Caustic, _) => {
+                let sharp = TYPICAL_SHARP_BIAS[usize::from(technique.direct == Direct::PhotonMap)];
+                (sharp * radius.powi(2), TYPICAL_SHARP_FALL)
+            }
+        };
+        let share = if disc { MINIMUM_OF_PRIOR_ON_DISCS } else { MINIMUM_OF_PRIOR };
+        Self { square, spread: PRIOR_SPREAD * square, falls_to, minimum: share * square }
+    }
+
+    /// The prior with this standard deviation, relative to its mean.
+    pub fn with_spread(self, spread: f64) -> Self {
+        Self { spread: spread * self.square, ..self }
+    }
+}
+
+impl Bias {
+    /// Combines a trial at `radius` with the prior: theory.md (93d).
+    pub fn measured(trial: &Trial, radius: f64, weights: &[f64], prior: Prior) -> Self {
+        let (Statistic { value, error, .. }, falls_to) = weighted_square(&trial.noise, weights);
+        Self::combined(radius, [value, error], falls_to, prior)
+    }
+
+    /// Combines a measured square and its standard error with the prior: theory.md (93d).
+    pub fn combined(radius: f64, [value, error]: [f64; 2], falls_to: f64, prior: Prior) -> Self {
+        let spread = prior.spread;
+        let certainty = spread.powi(2) / (spread.powi(2) + error * error);
+        let mixed = |measured: f64, prior: f64| certainty * measured + (1.0 - certainty) * prior;
+        Self {
+            radius,
+            square: mixed(value, prior.square).max(prior.minimum),
+            error: error.min(spread),
+            falls_to: mixed(falls_to, prior.falls_to),
+        }
+    }
+
+    /// The prior alone, where no trial has measured the bias of this class.
+    pub fn assumed(radius: f64, Prior { square, spread, falls_to, .. }: Prior) -> Self {
+        Self { radius, square, error: spread, falls_to }
+    }
+
+    /// The squared bias and its standard error at another radius: theory.md (93b).
+    pub fn at(&self, radius: f64) -> [f64; 2] {
+        let scale = self.falls_to.powf(4.0 * (self.radius / radius).log2());
+        [scale * self.square.max(0.0), scale * self.error]
+    }
+}

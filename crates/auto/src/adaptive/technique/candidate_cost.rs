@@ -1,0 +1,303 @@
+//! Finds the best counts of a technique at given radii, and predicts the error or time they lead
+//! to.
+
+use super::{Candidate, End, FreeParameters, Penalties, Technique};
+use crate::adaptive::autopilot::min_iterations_after_choice;
+use crate::adaptive::stopping::{MIN_ITERATIONS_TO_TARGET, MIN_NOISE_SHARE};
+use crate::timing::TimeModel;
+use bdpm_core::noise::Coefficients;
+use bdpm_core::render::bias_correction::shrinkage;
+use bdpm_core::settings::Settings;
+use bdpm_core::transport::kernel::ByClass;
+use bdpm_core::transport::photon::PhotonClass;
+
+use std::array::from_fn;
+
+const EVERY: usize = PhotonClass::Caustic as usize;
+const LAST: usize = PhotonClass::Diffuse as usize;
+
+/// Camera paths per pixel that are compared: steps of at most a factor of 2, which costs 5 % of the
+/// time at most (docs/measurements/optimum.md), up to counts that only very long renders can use.
+pub const CAMERA_STEPS: [u32; 15] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192];
+
+/// Share of the pixels, by their weight, that are taken to have the merge bias. Correcting the bias
+/// adds noise to these pixels alone. Fixed by trial.
+const BIASED_PIXELS: f64 = 0.15;
+
+/// Goal of the render, and the limits of the choice.
+#[derive(Clone, Copy, Debug)]
+pub struct CandidateCost {
+    /// Time of all processes together, or the error to reach.
+    pub end: End,
+    /// Number of processes that share the iterations.
+    pub ranks: u32,
+    /// Light paths of an iteration that the memory allows.
+    pub max_light_paths: u32,
+    /// Settings that the pilot may choose.
+    pub open: FreeParameters,
+    /// Whether the merge bias is corrected where it stands out from the noise.
+    pub corrects_bias: bool,
+    /// Merge radii of the settings, scene units.
+    pub requested: ByClass<f32>,
+    /// Merge radii in media over those at surfaces, of the settings.
+    pub medium_scale: f64,
+}
+
+/// Merge bias of a class of photons at one radius, and the noise that correcting it would add.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MergeBias {
+    /// Squared relative bias at the radius.
+    pub square: f64,
+    /// Standard error of `square`.
+    pub error: f64,
+    /// Bias that is left at half the radius, over the bias of the outer annulus.
+    pub left: f64,
+    /// Coefficients `a` and `f` of the contribution of photons in the outer annulus, relative.
+    pub outer: Coefficients,
+}
+
+/// The best counts of a technique at some radii, and the error and time that they lead to.
+#[derive(Clone, Copy, Debug)]
+pub struct Best {
+    /// Merge radii, scene units.
+    pub radii: ByClass<f64>,
+    /// Merge radii in media over those at surfaces.
+    pub medium_scale: f64,
+    light_paths: f64,
+    camera_paths: u32,
+    seconds: f64,
+    noise2: f64,
+    bias2: f64,
+    bias2_error: f64,
+    times: TimeModel,
+    /// Whether a trial has measured the technique at these radii.
+    pub tried: bool,
+}
+
+/// Squared relative error of an image, in its two parts.
+#[derive(Clone, Copy, Debug)]
+struct SquaredError {
+    noise: f64,
+    bias: f64,
+}
+
+impl CandidateCost {
+    /// The best counts: theory.md (93c), at the camera paths of [`CAMERA_STEPS`].
+    pub fn evaluate(
+        &self,
+        coefficients: &Coefficients,
+        times: &TimeModel,
+        merged: &ByClass<MergeBias>,
+        radii: ByClass<f64>,
+    ) -> Best {
+        let Coefficients { a, b, f } = coefficients.clamped();
+        let mut best: Option<Best> = None;
+        for camera_paths in CAMERA_STEPS {
+            let n_camera = f64::from(camera_paths);
+            let [base, per_light_path] = times.in_light_paths(n_camera);
+            let (camera, light) = (b / n_camera, a / n_camera + f);
+            let longest = match self.end {
+                End::Time(time) => time / min_iterations_after_choice(self.ranks),
+                End::Error(_) => f64::INFINITY,
+            };
+            if base > longest && best.is_some() {
+                break;
+            }
+            let allowed = ((longest - base) / per_light_path).max(base / per_light_path);
+            let optimum = (base * light / (per_light_path * camera)).sqrt();
+            let most = f64::from(self.max_light_paths).min(allowed);
+            let light_paths = if optimum.is_nan() { 2.0 } else { optimum.min(most).max(2.0) };
+            let tau = base + per_light_path * light_paths;
+            let variance = camera + light / light_paths;
+            // Error after the variance of one iteration has fallen to this share of it.
+            let error_at = |share: f64| {
+                let parts: ByClass<SquaredError> = from_fn(|class| {
+                    let merged = &merged[class];
+                    let Coefficients { a, f, .. } = merged.outer;
+                    self.corrected(merged, share * (a / n_camera + f) / light_paths)
+                });
+                SquaredError {
+                    noise: share * variance + (parts[0].noise + parts[1].noise),
+                    bias: parts[0].bias + parts[1].bias,
+                }
+            };
+            let (seconds, left) = match self.end {
+                End::Time(time) => (time, error_at(tau / time)),
+                End::Error(error) => {
+                    let share = share_for(error * error, &error_at);
+                    let share = share.max(MIN_NOISE_SHARE * error * error / variance);
+                    // theory.md (91)
+                    let seconds = (tau / share).max(MIN_ITERATIONS_TO_TARGET as f64 * tau);
+                    (seconds, error_at(share))
+                }
+            };
+            let own = Best {
+                radii,
+                medium_scale: self.medium_scale,
+                light_paths,
+                camera_paths,
+                seconds,
+                noise2: left.noise,
+                bias2: left.bias,
+                bias2_error: merged.iter().map(|m| m.error * m.error).sum::<f64>().sqrt(),
+                times: *times,
+                tried: false,
+            };
+            if best.is_none_or(|best| own.rank(self) < best.rank(self)) {
+                best = Some(own);
+            }
+        }
+        best.expect("there is a step")
+    }
+
+    /// Noise that the correction adds, and bias that it leaves, for a class of photons. `variance`
+    /// is that of the contribution of the outer annulus: theory.md (71f).
+    fn corrected(
+        &self,
+        &MergeBias { square, left, .. }: &MergeBias,
+        variance: f64,
+    ) -> SquaredError {
+        if !self.corrects_bias {
+            return SquaredError { noise: 0.0, bias: square };
+        }
+        let outer = square / (1.0 + left).powi(2);
+        let share = shrinkage(outer / BIASED_PIXELS, variance);
+        SquaredError {
+            noise: BIASED_PIXELS * share * share * variance,
+            bias: (1.0 - share + left).powi(2) * outer,
+        }
+    }
+}
+
+/// Share of the variance of an iteration at which the squared error is `error2`; 0 if the bias
+/// alone exceeds it.
+fn share_for(error2: f64, error_at: &impl Fn(f64) -> SquaredError) -> f64 {
+    let total = |share: f64| {
+        let SquaredError { noise, bias } = error_at(share);
+        noise + bias
+    };
+    let (mut low, mut high) = (0.0, 1.0);
+    if total(low) > error2 {
+        return low;
+    }
+    while total(high) < error2 && high < 1e12 {
+        high *= 4.0;
+    }
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if total(middle) < error2 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
+}
+
+impl Best {
+    /// Cost that the choice minimizes: the squared error after the time, or the time to the error.
+    pub fn rank(&self, demand: &CandidateCost) -> f64 {
+        match demand.end {
+            End::Time(_) => self.noise2 + self.bias2,
+            // The fourth power prefers less bias where no time is long enough.
+            End::Error(error) => self.seconds * (self.bias2 / (error * error)).max(1.0).powi(4),
+        }
+    }
+
+    /// The same settings where `later` leaves another time than `demand`: the noise falls with the
+    /// time.
+    pub fn after(&self, demand: &CandidateCost, later: &CandidateCost) -> Self {
+        match (demand.end, later.end) {
+            (End::Time(before), End::Time(seconds)) => {
+                Self { seconds, noise2: self.noise2 * before / seconds, ..*self }
+            }
+            _ => *self,
+        }
+    }
+
+    /// The candidate that the program reports.
+    pub fn scored(&self, technique: Technique, penalties: Penalties) -> Candidate {
+        let Self { radii, camera_paths, seconds, noise2, bias2, bias2_error, times, tried, .. } =
+            *self;
+        let medium_scale = self.medium_scale;
+        Candidate {
+            technique,
+            radius: radii[LAST] as f32,
+            caustic_radius: radii[EVERY] as f32,
+            medium_scale,
+            light_paths: self.light_paths.round() as u32,
+            camera_paths,
+            seconds,
+            error: (noise2 + bias2).sqrt(),
+            noise: noise2.sqrt(),
+            bias: bias2.sqrt(),
+            bias2_error,
+            times,
+            tried,
+            penalties,
+        }
+    }
+
+    /// Times of an iteration of the image.
+    pub fn times(&self) -> TimeModel {
+        self.times
+    }
+
+    /// Settings of a trial at these radii.
+    pub fn settings(&self, settings: &Settings, technique: Technique) -> Settings {
+        self.scored(technique, Penalties::default()).apply(settings)
+    }
+}
+
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+    use crate::adaptive::autopilot::MIN_ITERATIONS_AFTER_CHOICE;
+
+    /// Times of an iteration for the tests of this folder.
+    pub fn times() -> TimeModel {
+        let (light_path, camera_path, look_up, merge_pair) = (2e-7, 5e-7, 1e-8, 1e-12);
+        TimeModel { fixed: 1e-4, light_path, camera_path, look_up, merge_pair, pixels: 1e4 }
+    }
+
+    /// A demand in which everything is open.
+    pub fn demand(end: End) -> CandidateCost {
+        CandidateCost {
+            end,
+            ranks: 1,
+            max_light_paths: 1 << 24,
+            open: FreeParameters::ALL,
+            corrects_bias: false,
+            requested: [1.0; 2],
+            medium_scale: 2.0,
+        }
+    }
+
+    #[test]
+    fn counts_are_the_best_of_all_steps() {
+        let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
+        let mut merged = <ByClass<MergeBias>>::default();
+        merged[LAST].square = 1e-5;
+        let at = |end| demand(end).evaluate(&coefficients, &times(), &merged, [1.0; 2]);
+        let best = at(End::Time(100.0));
+        let mut least = f64::INFINITY;
+        for n_camera in CAMERA_STEPS {
+            for step in 0..400 {
+                let n_light = 10.0 * 1.04f64.powi(step);
+                let tau = times().iteration(n_light, f64::from(n_camera));
+                if tau <= 100.0 / MIN_ITERATIONS_AFTER_CHOICE {
+                    let cost = tau * coefficients.variance(n_light, f64::from(n_camera));
+                    least = least.min(cost / 100.0);
+                }
+            }
+        }
+        assert!(
+            (best.noise2 / least - 1.0).abs() < 2e-3 && best.noise2 <= least,
+            "{best:?} {least}"
+        );
+        // Asking for the error that is reached after 100 s gives back these 100 s.
+        let error = (best.noise2 + best.bias2).sqrt();
+        let back = at(End::Error(error));
+        assert!(back.seconds <= 100.0 * (1.0 + 1e-9) && back.seconds > 95.0, "{back:?}");
+    }
+}

@@ -1,0 +1,454 @@
+//! Chooses the technique that renders an image with the least error: strategy, direct light and
+//! merge radii.
+//!
+//! A pilot beside the image (`pilot.rs`) tries each strategy on a sample of the pixels
+//! (`trial.rs`): at the radii of the settings, and at a large radius, where the merge bias stands
+//! out from the noise. From these trials a model predicts noise, bias and time at all radii
+//! (`model.rs`, `bias.rs`). The candidate with the lowest cost (`demand.rs`) is then tried at the
+//! radii that were chosen for it. See theory.md, section 22a.
+
+mod bias;
+mod candidate_cost;
+mod medium_scale;
+mod model;
+mod penalties;
+mod pilot;
+mod revision;
+mod trial;
+
+pub use penalties::Penalties;
+pub use revision::{Revised, Revision, TimeShare};
+
+use crate::timing::TimeModel;
+use bdpm_core::base::error::Result;
+use bdpm_core::film::cells::CellGrid;
+use bdpm_core::render::Renderer;
+use bdpm_core::settings::{
+    Bias, Direct, Kernel, MAX_LIGHT_PATHS, MIN_SETS, MediumQuery, Settings, Strategy,
+};
+use bdpm_core::simd::sobol::MAX_POINTS;
+use bdpm_core::transport::kernel::ByClass;
+use bdpm_core::transport::photon::PhotonClass;
+use serde::{Deserialize, Serialize};
+
+/// Share of the given time that the pilot takes.
+const PILOT_SHARE: f64 = 0.1;
+
+/// Share of the given time that the pilot of a large image takes, whose own iterations soon measure
+/// more.
+const LARGE_PILOT_SHARE: f64 = 0.05;
+
+/// Minimum time of the pilot, seconds, unless that exceeds [`MAX_PILOT_SHARE`]. A shorter pilot
+/// measures too little.
+const MIN_PILOT_TIME: f64 = 0.6;
+
+/// Share of the given time that [`MIN_PILOT_TIME`] may take at most.
+const MAX_PILOT_SHARE: f64 = 0.15;
+
+/// Maximum time of the pilot, seconds: a longer one finds no better settings.
+const MAX_PILOT_TIME: f64 = 8.0;
+
+/// Factor on the time of the pilot where it chooses nothing but counts.
+const COUNTS_ONLY: f64 = 0.5;
+
+/// Time of the first pilot where no time is given, seconds.
+const FIRST_PILOT_TIME: f64 = 0.5;
+
+/// A second pilot is worth it if its time exceeds that of the first by this factor.
+const LONGER_PILOT: f64 = 2.0;
+
+/// Sampling technique, without radii and counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Technique {
+    /// Whether each path is sampled by one technique or by several, with weights.
+    pub strategy: Strategy,
+    /// The diffuse vertex at which camera paths are cut.
+    pub merge_vertex: u32,
+    /// How direct light is estimated.
+    pub direct: Direct,
+    /// The area that merged flux is divided by.
+    pub kernel: Kernel,
+    /// Factor on the continuations of light paths at their first diffuse vertex.
+    pub splitting: u32,
+    /// Where photons in media that scatter are merged; `None` without such media or photons.
+    pub medium_query: Option<MediumQuery>,
+}
+
+/// Settings that the pilot may choose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FreeParameters {
+    /// Strategy and merge vertex.
+    pub strategy: bool,
+    /// Direct light.
+    pub direct: bool,
+    /// The merge radius.
+    pub radius: bool,
+    /// The radius for photons without a diffuse bounce.
+    pub caustic_radius: bool,
+    /// Where photons in media are merged.
+    pub medium_query: bool,
+    /// The radii in media.
+    pub medium_scale: bool,
+    /// Where light paths start.
+    pub guide: bool,
+    /// The size of the sets of light paths that start from Sobol points.
+    pub sobol_set: bool,
+    /// How light paths split.
+    pub splitting: bool,
+    /// Whether the merge bias is corrected.
+    pub bias: bool,
+}
+
+impl FreeParameters {
+    /// Everything.
+    pub const ALL: Self = Self::everything(true);
+
+    /// Nothing but the counts.
+    pub const NONE: Self = Self::everything(false);
+
+    const fn everything(open: bool) -> Self {
+        Self {
+            strategy: open,
+            direct: open,
+            radius: open,
+            caustic_radius: open,
+            medium_query: open,
+            medium_scale: open,
+            guide: open,
+            sobol_set: open,
+            splitting: open,
+            bias: open,
+        }
+    }
+
+    /// Whether the pilot may choose more than the counts.
+    pub fn any(&self) -> bool {
+        let Self { strategy, direct, radius, caustic_radius, guide, .. } = *self;
+        let in_media = self.medium_query || self.medium_scale;
+        strategy || direct || radius || caustic_radius || guide || in_media
+    }
+
+    /// Whether the setting of this name may be chosen.
+    pub fn includes(&self, setting: &str) -> bool {
+        match setting {
+            "strategy" | "merge_vertex" => self.strategy,
+            "direct" => self.direct,
+            "radius" => self.radius,
+            "caustic_radius" => self.caustic_radius,
+            "medium_query" => self.medium_query,
+            "medium_scale" => self.medium_scale,
+            "guide" => self.guide,
+            "sobol_set" => self.sobol_set,
+            "splitting" => self.splitting,
+            "bias" => self.bias,
+            "light_visibility" => self.any(),
+            _ => false,
+        }
+    }
+
+    fn any_radius(&self) -> bool {
+        self.radius || self.caustic_radius
+    }
+
+    /// Whether to correct the merge bias: yes, unless the settings decide.
+    fn bias(&self, settings: &Settings) -> Bias {
+        if self.bias { Bias::Reduce } else { settings.bias }
+    }
+}
+
+/// A technique at its best radii and counts.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Candidate {
+    /// The technique.
+    #[serde(flatten)]
+    pub technique: Technique,
+    /// Merge radius, scene units.
+    pub radius: f32,
+    /// Merge radius for photons without a diffuse bounce, scene units.
+    pub caustic_radius: f32,
+    /// Merge radii in media over those at surfaces.
+    pub medium_scale: f64,
+    /// Light paths of an iteration, `N_F`.
+    pub light_paths: u32,
+    /// Camera paths per pixel of an iteration, `N_B`.
+    pub camera_paths: u32,
+    /// Rendering time until the end, seconds.
+    pub seconds: f64,
+    /// Predicted relative RMS error of the image at the end.
+    pub error: f64,
+    /// Noise part of `error`.
+    pub noise: f64,
+    /// Bias part of `error`.
+    pub bias: f64,
+    /// Standard error of the square of `bias`.
+    pub bias2_error: f64,
+    /// Whether a trial measured it at these radii.
+    pub tried: bool,
+    /// Factors on its squared error where the pilot compared it with others. The predicted errors
+    /// are without them.
+    #[serde(default)]
+    pub penalties: Penalties,
+    /// Times of an iteration of the image, from trials on a sample of it.
+    pub times: TimeModel,
+}
+
+/// Result of a pilot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Selection {
+    /// All candidates, the best first.
+    pub candidates: Vec<Candidate>,
+    /// Settings that the pilot could choose.
+    pub open: FreeParameters,
+    /// Guide of light paths; without one they start in proportion to the lights' power.
+    pub guide: Option<Guided>,
+    /// Time of the pilot, seconds.
+    pub seconds: f64,
+    /// The revision of the choice by the image's first iterations, if there was one.
+    pub revised: Option<Revised>,
+}
+
+/// A guide of light paths that pays.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Guided {
+    /// Iterations that learned it. The image's own guide is learned in as many.
+    pub iterations: u32,
+    /// Second moment of the contribution of light paths, over that without a guide.
+    pub second_moment: f64,
+}
+
+impl Guided {
+    /// Describes the guide in words.
+    pub fn describe(&self) -> String {
+        let gain = self.second_moment.recip();
+        format!("guided light paths, which divide the variance by {gain:.2}")
+    }
+}
+
+impl Technique {
+    /// The technique of some settings.
+    pub fn of(settings: &Settings) -> Self {
+        let Settings { strategy, merge_vertex, direct, kernel, splitting, .. } = *settings;
+        Self { strategy, merge_vertex, direct, kernel, splitting, medium_query: None }
+    }
+
+    /// Describes the technique in words.
+    pub fn describe(&self) -> String {
+        let how = match self.strategy {
+            Strategy::Mis => "merging at vertices 1 and 2 and path tracing, weighted".to_owned(),
+            Strategy::CutMis => "merging at vertices 1 and 2 and connections, weighted".to_owned(),
+            Strategy::Path => "path tracing without photons".to_owned(),
+            Strategy::Single => format!("merging at vertex {}", self.merge_vertex),
+        };
+        let how = match self.direct {
+            Direct::Connect => how,
+            Direct::PhotonMap => how + ", direct light from the photon map",
+        };
+        let how = match self.kernel {
+            Kernel::Area => how,
+            Kernel::Disc => how + ", on discs",
+        };
+        match self.medium_query {
+            None => how,
+            Some(MediumQuery::Points) => how + ", in media around points",
+            Some(MediumQuery::Beams) => how + ", in media along segments",
+        }
+    }
+
+    /// Settings with this technique at some radii.
+    fn with(self, settings: &Settings, radii: ByClass<f32>) -> Settings {
+        let Self { strategy, merge_vertex, direct, kernel, splitting, medium_query } = self;
+        let medium_query = medium_query.unwrap_or(settings.medium_query);
+        let radius = radii[PhotonClass::Diffuse as usize];
+        let caustic_radius = radii[PhotonClass::Caustic as usize];
+        Settings {
+            strategy,
+            merge_vertex,
+            direct,
+            kernel,
+            splitting,
+            medium_query,
+            radius,
+            caustic_radius,
+            ..settings.clone()
+        }
+    }
+
+    /// All techniques that may be chosen instead of that of `settings`, for an image that needs
+    /// only `traits`.
+    fn candidates(settings: &Settings, open: FreeParameters, traits: SceneTraits) -> Vec<Self> {
+        let own = Self::of(settings);
+        let strategies = if open.strategy {
+            let mut all = vec![(Strategy::Single, 1)];
+            if traits.may_weight {
+                all.extend([(Strategy::Mis, 2), (Strategy::CutMis, 2)]);
+            } else {
+                all.push((Strategy::Single, 2));
+            }
+            all.extend((!traits.needs_photons).then_some((Strategy::Path, 2)));
+            all
+        } else {
+            vec![(own.strategy, own.merge_vertex)]
+        };
+        let directs = match open.direct {
+            true => vec![Direct::Connect, Direct::PhotonMap],
+            false => vec![own.direct],
+        };
+        let mut all = Vec::new();
+        for &direct in &directs {
+            for &(strategy, merge_vertex) in &strategies {
+                let splitting = if open.splitting { 1 } else { own.splitting };
+                let plain = Self { strategy, merge_vertex, direct, splitting, ..own };
+                let of = |query| Self { medium_query: Some(query), ..plain };
+                match traits.media_scatter && strategy.has_photons() {
+                    false => all.push(plain),
+                    true if !open.medium_query => all.push(of(settings.medium_query)),
+                    true if traits.media_are_dense => {
+                        all.extend([MediumQuery::Points, MediumQuery::Beams].map(of));
+                    }
+                    true => all.push(of(MediumQuery::Beams)),
+                }
+            }
+        }
+        let is_sensible = |it: &Self| {
+            // Direct light from the photon map pays only where all light is merged at the first
+            // vertex.
+            let direct = it.direct == own.direct && !open.direct
+                || it.direct == Direct::Connect
+                || (it.strategy, it.merge_vertex) == (Strategy::Single, 1);
+            // Weights do not know splitting.
+            let splitting =
+                it.splitting == 1 || !matches!(it.strategy, Strategy::Mis | Strategy::CutMis);
+            direct && splitting
+        };
+        all.retain(is_sensible);
+        all.dedup();
+        all
+    }
+
+    /// The technique with light paths that split, if that may pay: where their first hits, which
+    /// are only stored for direct light and caustics, leave little light.
+    fn split(self) -> Option<Self> {
+        let pays = (self.strategy, self.direct) == (Strategy::Single, Direct::Connect);
+        pays.then_some(Self { splitting: SPLITTING, ..self })
+    }
+
+    /// Tests whether photons are merged, so that radii matter.
+    fn merges(self) -> bool {
+        self.strategy != Strategy::Path
+    }
+}
+
+/// Properties of a scene that decide about candidates.
+#[derive(Clone, Copy, Debug)]
+struct SceneTraits {
+    /// Camera paths cannot find all light: light sources that no ray can hit may show in mirrors or
+    /// through glass.
+    needs_photons: bool,
+    /// Weights of several techniques with photons hold in the media of the scene.
+    may_weight: bool,
+    /// Media scatter light.
+    media_scatter: bool,
+    /// They may scatter it several times.
+    media_are_dense: bool,
+}
+
+/// Factor on the continuations of light paths whose first hits are not merged. In
+/// `scenes/cornell-box` the noise falls as one over this factor at least up to 16
+/// (docs/measurements/sobol-sets.md), while the first ray of a path is shared.
+const SPLITTING: u32 = 8;
+
+/// Sets of light paths in an iteration at the start. Later choices of the number of light paths may
+/// halve it.
+const FIRST_SETS: u32 = 2 * MIN_SETS;
+
+/// Minimum size of sets of light paths. Smaller ones gain next to nothing.
+const LEAST_SOBOL_SET: u32 = 256;
+
+/// The largest size of which an iteration has at least [`FIRST_SETS`] sets. Larger sets never have
+/// more noise, but fewer sets measure it less well.
+fn largest_sobol_set(light_paths: u32) -> u32 {
+    match (light_paths / FIRST_SETS).checked_ilog2() {
+        Some(bits) if 1 << bits >= LEAST_SOBOL_SET => MAX_POINTS.min(1 << bits),
+        _ => 1,
+    }
+}
+
+impl Candidate {
+    /// Settings that render this candidate.
+    pub fn apply(&self, settings: &Settings) -> Settings {
+        let Self { technique, radius, caustic_radius, light_paths, camera_paths, .. } = *self;
+        let medium_scale = self.medium_scale;
+        let mut radii = [radius; 2];
+        radii[PhotonClass::Caustic as usize] = caustic_radius;
+        let own = technique.with(settings, radii);
+        Settings { light_paths, camera_paths, medium_scale, mis_scales: None, ..own }
+    }
+}
+
+impl Selection {
+    /// Settings that render the best candidate.
+    pub fn apply(&self, settings: &Settings) -> Settings {
+        let guide = self.guide.map_or(settings.guide, |guided| guided.iterations);
+        let bias = self.open.bias(settings);
+        let mut own = Settings { guide, bias, ..self.best().apply(settings) };
+        if self.open.sobol_set {
+            own.sobol_set = largest_sobol_set(own.light_paths);
+        }
+        own.light_paths = own.allowed_light_paths(MAX_LIGHT_PATHS).nearest(own.light_paths);
+        own
+    }
+
+    /// The best candidate.
+    pub fn best(&self) -> &Candidate {
+        &self.candidates[0]
+    }
+
+    /// The second best candidate, if there is one.
+    pub fn runner_up(&self) -> Option<&Candidate> {
+        self.candidates.get(1)
+    }
+}
+
+/// When rendering ends.
+#[derive(Clone, Copy, Debug)]
+pub enum End {
+    /// After a time, seconds, that includes the pilot.
+    Time(f64),
+    /// At this relative error.
+    Error(f64),
+}
+
+/// Tries what is open, beside the settings of a renderer, on the threads of the current rayon pool.
+///
+/// Where no time is given, a short pilot predicts it, and a longer pilot follows if the time is
+/// long enough. The pilot runs in this process alone, whatever the number of `RenderConfig::ranks`.
+/// Returns the choice, and what may revise it once the image has rendered its first iterations.
+///
+/// # Errors
+/// As [`Renderer::new`].
+pub fn choose(
+    renderer: &Renderer,
+    open: FreeParameters,
+    end: End,
+) -> Result<(Selection, Revision)> {
+    let pilot = |budget| pilot::run(renderer, open, end, budget);
+    let part = if open.any() { 1.0 } else { COUNTS_ONLY };
+    let is_large = !CellGrid::of(renderer.settings().resolution()).is_single_pixels();
+    let pilot_share = if is_large { LARGE_PILOT_SHARE } else { PILOT_SHARE };
+    let share = |time: f64| {
+        let least = MIN_PILOT_TIME.min(MAX_PILOT_SHARE * time);
+        part * (pilot_share * time).max(least).min(MAX_PILOT_TIME)
+    };
+    match end {
+        End::Time(time) => pilot(share(time)),
+        End::Error(_) => {
+            let (first, revision) = pilot(FIRST_PILOT_TIME)?;
+            let budget = share(first.best().seconds / f64::from(renderer.config().ranks));
+            if budget < LONGER_PILOT * FIRST_PILOT_TIME {
+                return Ok((first, revision));
+            }
+            let (again, revision) = pilot(budget)?;
+            Ok((Selection { seconds: first.seconds + again.seconds, ..again }, revision))
+        }
+    }
+}

@@ -1,0 +1,381 @@
+//! Predicts the error of a technique at any radii and counts, from a few trials.
+//!
+//! A merge spreads the flux of a photon over the area of a disc, so that the second moment of a
+//! pair is proportional to `1/r^2`. All camera paths of a pixel share the light paths that they
+//! see. What they see is the disc convolved with the area of the pixel, so that `f` is proportional
+//! to `1/(r^2 + g^2)`. The contributions of both classes of photons add, each at a radius of its
+//! own. `b` does not depend on the radii: theory.md (93a).
+
+use super::Technique;
+use super::bias::{Bias, Prior};
+use super::candidate_cost::{Best, CandidateCost, MergeBias};
+use super::trial::Trial;
+use crate::adaptive::stopping::PILOT_SPREAD;
+use crate::timing::TimeModel;
+use bdpm_core::film::annulus::left_at_half;
+use bdpm_core::noise::Coefficients;
+use bdpm_core::render::NestedPart;
+use bdpm_core::transport::kernel::ByClass;
+use bdpm_core::transport::photon::PhotonClass;
+use std::array::from_fn;
+use std::f64::consts::PI;
+use std::ops::Range;
+
+const EVERY: usize = PhotonClass::Caustic as usize;
+const LAST: usize = PhotonClass::Diffuse as usize;
+
+/// The largest radius of trials and of the choice, over that of the settings. The bias shows at a
+/// large radius and falls from there as measured. Between the radii of two trials the noise is
+/// known.
+pub const LARGEST_SCALE: f32 = 4.0;
+
+/// Radii that the choice compares: the largest radius over these powers of the root of 2. The
+/// smallest is a sixteenth of the largest.
+const RADIUS_STEPS: Range<i32> = 0..9;
+
+/// Minimum share of the second moment that the fit gives to either class of photons. With a share
+/// of 0 the radius of that class would cost nothing.
+const MINIMUM_PART: f64 = 0.05;
+
+/// Pixels that must have received photons before a trial is trusted without the model: a photon map
+/// that few pixels see looks less noisy than it is.
+pub const ENOUGH_FOUND: f64 = 64.0;
+
+/// The image that trials sample.
+#[derive(Clone, Copy, Debug)]
+pub struct ImageScale {
+    /// Width of the full image, pixels.
+    pub width: u32,
+    /// Radius of a disc of the area that a pixel sees, scene units.
+    pub footprint: f64,
+}
+
+/// Noise, bias and time of a technique as functions of the radii.
+pub struct Model {
+    /// The technique.
+    pub technique: Technique,
+    /// The smallest radii of the trials that were fitted, scene units.
+    smallest: ByClass<f64>,
+    /// Second moment of the pairs, relative, times the squared radius.
+    pairs: ByClass<f64>,
+    /// Light main effect, relative, times the squared radius and footprint.
+    light: ByClass<f64>,
+    /// Camera main effect, relative.
+    camera: f64,
+    bias: ByClass<Option<Bias>>,
+    /// Whether there was a single trial, which cannot separate the two classes of photons.
+    is_one_trial: bool,
+    /// Radius of a disc of the area that a pixel sees, scene units.
+    footprint: f64,
+    /// Times of an iteration, with the time per pair divided by the squared lookup radius.
+    times: TimeModel,
+}
+
+/// What the iterations of an image have measured of its technique.
+#[derive(Clone, Copy, Debug)]
+pub struct ImageMeasurement {
+    /// Merge radii, scene units.
+    pub radii: ByClass<f64>,
+    /// Relative coefficients, means over the image.
+    pub coefficients: Coefficients,
+    /// Squared relative bias of the outer annulus and its standard error, if it is measured.
+    pub annulus_bias2: Option<ByClass<[f64; 2]>>,
+    /// Times of an iteration.
+    pub times: TimeModel,
+}
+
+impl ImageScale {
+    /// Width of what the image shows, scene units.
+    pub fn image_width(&self) -> f64 {
+        f64::from(self.width) * self.footprint * PI.sqrt()
+    }
+}
+
+impl Model {
+    /// Fits trials at different radii. `weights` are those of the pixels' squared errors.
+    pub fn new(technique: Technique, trials: &[Trial], weights: &[f64], scale: ImageScale) -> Self {
+        let ImageScale { footprint, .. } = scale;
+        let across = scale.image_width();
+        let measured: Vec<_> = trials.iter().map(|trial| trial.relative(weights)).collect();
+        let g2 = footprint * footprint;
+        let both = trials.iter().any(|trial| trial.has_caustic_photons);
+        let inverse = |add: f64| -> Vec<ByClass<f64>> {
+            let of = |radius: f64| (radius * radius + add).recip();
+            trials.iter().map(|trial| trial.radii.map(of)).collect()
+        };
+        let moments: Vec<f64> = measured.iter().map(|c| c.a + c.f).collect();
+        let shared: Vec<f64> = measured.iter().map(|c| c.f).collect();
+        let mut bias = [None; 2];
+        let mut classes = vec![];
+        if technique.merges() {
+            classes.push(PhotonClass::Diffuse);
+            classes.extend(both.then_some(PhotonClass::Caustic));
+        }
+        for class in classes {
+            // The last trial that measured the bias of this class, or the prior if none did.
+            let trial = trials.iter().rfind(|trial| trial.nests == Some(NestedPart::Class(class)));
+            let radius = trial.unwrap_or(&trials[0]).radii[class as usize];
+            let prior = Prior::new(class, technique, radius / across);
+            bias[class as usize] = Some(match trial {
+                Some(trial) => Bias::measured(trial, radius, weights, prior),
+                None => Bias::assumed(radius, prior),
+            });
+        }
+        Self {
+            technique,
+            smallest: from_fn(|class| {
+                trials.iter().map(|trial| trial.radii[class]).fold(f64::INFINITY, f64::min)
+            }),
+            pairs: parts(&inverse(0.0), &moments, both),
+            light: parts(&inverse(g2), &shared, both),
+            camera: measured.iter().map(|c| c.b).sum::<f64>() / measured.len() as f64,
+            bias,
+            is_one_trial: trials.len() == 1,
+            footprint,
+            times: mean_times(trials),
+        }
+    }
+
+    /// Relative coefficients at some radii: theory.md (93a).
+    fn coefficients(&self, radii: ByClass<f64>) -> Coefficients {
+        let over = |parts: &ByClass<f64>, add: f64| -> f64 {
+            parts.iter().zip(radii).map(|(part, r)| part / (r * r + add)).sum()
+        };
+        let pairs = over(&self.pairs, 0.0);
+        let f = over(&self.light, self.footprint.powi(2)).min(pairs);
+        Coefficients { a: pairs - f, b: self.camera, f }.clamped()
+    }
+
+    /// Merge bias of both classes of photons at some radii: theory.md (93b), (71f).
+    pub fn merged(&self, radii: ByClass<f64>) -> ByClass<MergeBias> {
+        from_fn(|class| {
+            let Some(bias) = self.bias[class] else { return MergeBias::default() };
+            let [square, error] = bias.at(radii[class]);
+            let (r2, g2) = (radii[class].powi(2), self.footprint.powi(2));
+            let pairs = 3.0 * self.pairs[class] / r2;
+            let f = self.light[class] * ((0.25 * r2 + g2).recip() - (r2 + g2).recip());
+            let f = f.min(pairs);
+            let left = left_at_half(self.technique.kernel)[class];
+            MergeBias { square, error, left, outer: Coefficients { a: pairs - f, b: 0.0, f } }
+        })
+    }
+
+    fn times(&self, radii: ByClass<f64>) -> TimeModel {
+        let reach = radii[EVERY].max(radii[LAST]);
+        TimeModel { merge_pair: self.times.merge_pair * reach * reach, ..self.times }
+    }
+
+    /// The best radii and counts.
+    pub fn best(&self, demand: &CandidateCost) -> Best {
+        let CandidateCost { open, requested, .. } = demand;
+        let steps = |is_open: bool, requested: f32| -> Vec<f64> {
+            let requested = f64::from(requested);
+            if !is_open {
+                return vec![requested];
+            }
+            (RADIUS_STEPS)
+                .map(|step| {
+                    requested * f64::from(LARGEST_SCALE) * 0.5f64.powf(0.5 * f64::from(step))
+                })
+                .collect()
+        };
+        let last = steps(open.radius, requested[LAST]);
+        let every = match self.bias[EVERY] {
+            // Both classes take steps of the larger radius where both are open.
+            Some(_) => steps(
+                open.caustic_radius,
+                if open.caustic_radius { requested[LAST] } else { requested[EVERY] },
+            ),
+            None => vec![],
+        };
+        let mut best: Option<Best> = None;
+        for &last in &last {
+            // Without photons of the other class their radius does not matter.
+            let requested = f64::from(requested[EVERY]);
+            let none = [if open.caustic_radius { 0.25 * last } else { requested }];
+            let same = [last];
+            let every = match &every[..] {
+                [] => &none[..],
+                _ if self.is_one_trial && open.caustic_radius && open.radius => &same[..],
+                every => every,
+            };
+            for &every in every {
+                let mut radii = [last; 2];
+                radii[EVERY] = every;
+                let own = demand.evaluate(
+                    &self.coefficients(radii),
+                    &self.times(radii),
+                    &self.merged(radii),
+                    radii,
+                );
+                if best.is_none_or(|best| own.rank(demand) < best.rank(demand)) {
+                    best = Some(own);
+                }
+            }
+        }
+        best.expect("there is a step")
+    }
+
+    /// The model that agrees with what an image has measured at its radii. How noise and bias
+    /// depend on the radii stays as fitted.
+    pub fn matched(&self, image: &ImageMeasurement, scale: ImageScale) -> Self {
+        let ImageMeasurement { radii, coefficients: measured, annulus_bias2, times } = *image;
+        let own = self.coefficients(radii);
+        let measured = measured.clamped();
+        let factor = |measured: f64, own: f64| if own > 0.0 { measured / own } else { 1.0 };
+        let pairs = factor(measured.a + measured.f, own.a + own.f);
+        let light = factor(measured.f, own.f);
+        let left = left_at_half(self.technique.kernel);
+        let bias = |class: PhotonClass| {
+            let index = class as usize;
+            let (assumed, annulus_bias2) = (self.bias[index]?, annulus_bias2?[index]);
+            // theory.md (71f): the annulus holds all of the bias but what is left at half the
+            // radius.
+            let whole = (1.0 + left[index]).powi(2);
+            let prior = Prior::new(class, self.technique, radii[index] / scale.image_width());
+            let prior = prior.with_spread(PILOT_SPREAD);
+            let measured = annulus_bias2.map(|own| whole * own);
+            Some(Bias::combined(radii[index], measured, assumed.falls_to, prior))
+        };
+        let mut all = self.bias;
+        for class in [PhotonClass::Caustic, PhotonClass::Diffuse] {
+            all[class as usize] = bias(class).or(all[class as usize]);
+        }
+        let reach = radii[EVERY].max(radii[LAST]);
+        Self {
+            pairs: self.pairs.map(|part| pairs * part),
+            light: self.light.map(|part| light * part),
+            camera: measured.b,
+            bias: all,
+            times: TimeModel { merge_pair: times.merge_pair / (reach * reach), ..times },
+            is_one_trial: false,
+            ..*self
+        }
+    }
+
+    /// The best counts at the radii of a trial that was not fitted, by its own coefficients and
+    /// times.
+    pub fn tried_at(&self, trial: &Trial, weights: &[f64], demand: &CandidateCost) -> Best {
+        let radii = trial.radii;
+        let own = trial.relative(weights);
+        // A trial can miss rare light if few pixels received photons, or if its radii are smaller
+        // than all others. It then looks less noisy than it is.
+        let is_small = (0..2).any(|class| radii[class] < self.smallest[class]);
+        let coefficients = if is_small || trial.found(weights) < ENOUGH_FOUND {
+            let model = self.coefficients(radii);
+            Coefficients { a: own.a.max(model.a), f: own.f.max(model.f), ..own }
+        } else {
+            own
+        };
+        let mut best = demand.evaluate(&coefficients, &trial.times, &self.merged(radii), radii);
+        best.tried = true;
+        best
+    }
+}
+
+/// Fits one part of at least 0 for each class, so that the parts times the factors `inverse` of the
+/// trials add up to `values`: least squares of relative deviations.
+fn parts(inverse: &[ByClass<f64>], values: &[f64], both: bool) -> ByClass<f64> {
+    let rows = inverse.iter().zip(values).filter(|(_, value)| **value > 0.0);
+    let rows: Vec<[f64; 2]> = rows.map(|(inverse, value)| inverse.map(|x| x / value)).collect();
+    let product = |i: usize, j: usize| rows.iter().map(|row| row[i] * row[j]).sum::<f64>();
+    let sum = |i: usize| rows.iter().map(|row| row[i]).sum::<f64>();
+    let alone = |class: usize| {
+        let mut fitted = [0.0; 2];
+        fitted[class] = if rows.is_empty() { 0.0 } else { sum(class) / product(class, class) };
+        fitted
+    };
+    if !both {
+        return alone(LAST);
+    }
+    let determinant = product(0, 0) * product(1, 1) - product(0, 1).powi(2);
+    let fitted = [
+        (sum(0) * product(1, 1) - sum(1) * product(0, 1)) / determinant,
+        (sum(1) * product(0, 0) - sum(0) * product(0, 1)) / determinant,
+    ];
+    match fitted {
+        // One trial, or several at the same radii.
+        [x, y] if !(x.is_finite() && y.is_finite()) => alone(LAST),
+        // The class whose part would be negative contributes next to nothing.
+        [x, _] if x < 0.0 => [MINIMUM_PART * alone(0)[0], alone(1)[1]],
+        [_, y] if y < 0.0 => [alone(0)[0], MINIMUM_PART * alone(1)[1]],
+        _ => fitted,
+    }
+}
+
+/// Means over trials. The time per pair is fitted in proportion to the squared lookup radius, by
+/// least squares, because at small radii it hardly shows.
+fn mean_times(trials: &[Trial]) -> TimeModel {
+    let count = trials.len() as f64;
+    let mean = |of: &dyn Fn(&Trial) -> f64| trials.iter().map(of).sum::<f64>() / count;
+    let reach2 = |trial: &Trial| trial.radii[EVERY].max(trial.radii[LAST]).powi(2);
+    TimeModel {
+        fixed: mean(&|trial| trial.times.fixed),
+        light_path: mean(&|trial| trial.times.light_path),
+        camera_path: mean(&|trial| trial.times.camera_path),
+        look_up: mean(&|trial| trial.times.look_up),
+        merge_pair: mean(&|trial| trial.times.merge_pair * reach2(trial))
+            / mean(&|trial| reach2(trial).powi(2)),
+        pixels: trials[0].times.pixels,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adaptive::technique::bias::TYPICAL_FALL;
+    use crate::adaptive::technique::candidate_cost::tests::{demand, times};
+    use crate::adaptive::technique::{End, FreeParameters};
+    use bdpm_core::settings::{Direct, Kernel, Strategy};
+
+    #[test]
+    fn parts_of_both_classes_are_separated() {
+        let inverse = [[1.0, 0.25], [0.0625, 4.0], [1.0, 1.0]];
+        let value = |[x, y]: [f64; 2]| inverse.map(|[a, b]| a * x + b * y);
+        let found = parts(&inverse, &value([3.0, 5.0]), true);
+        assert!((found[0] - 3.0).abs() < 1e-9 && (found[1] - 5.0).abs() < 1e-9, "{found:?}");
+        // Noise may ask for a negative part.
+        let found = parts(&inverse, &value([-0.1, 5.0]), true);
+        assert!(found[0] > 0.0 && found[0] < 0.3 && (found[1] - 5.0).abs() < 0.2, "{found:?}");
+        let found = parts(&inverse, &inverse.map(|[_, b]| 7.0 * b), false);
+        assert!(found[EVERY] == 0.0 && (found[LAST] - 7.0).abs() < 1e-9, "{found:?}");
+        let one = parts(&inverse[..1], &[2.0], true);
+        assert!(one.iter().all(|part| part.is_finite()), "{one:?}");
+    }
+
+    #[test]
+    fn longer_renders_take_smaller_radii() {
+        let technique = Technique {
+            strategy: Strategy::Single,
+            merge_vertex: 1,
+            direct: Direct::Connect,
+            kernel: Kernel::Area,
+            splitting: 1,
+            medium_query: None,
+        };
+        let bias = Bias { radius: 4.0, square: 0.01, error: 0.001, falls_to: TYPICAL_FALL };
+        let mut known = [None; 2];
+        known[LAST] = Some(bias);
+        let (mut pairs, mut light) = ([0.0; 2], [0.0; 2]);
+        (pairs[LAST], light[LAST]) = (1e4, 6e3);
+        let camera = 0.04;
+        let model = Model {
+            technique,
+            smallest: [0.0; 2],
+            pairs,
+            light,
+            camera,
+            bias: known,
+            is_one_trial: false,
+            footprint: 0.1,
+            times: times(),
+        };
+        let radius = |time| model.best(&demand(End::Time(time))).radii[LAST];
+        let radii = [1.0, 100.0, 1e4].map(radius);
+        assert!(radii[0] > radii[1] && radii[1] > radii[2], "{radii:?}");
+        // A radius of the command line is kept.
+        let open = FreeParameters { radius: false, ..demand(End::Time(1.0)).open };
+        let fixed = CandidateCost { open, requested: [0.5, 0.7], ..demand(End::Time(1.0)) };
+        assert_eq!(model.best(&fixed).radii[LAST], f64::from(0.7f32));
+    }
+}

@@ -1,0 +1,459 @@
+//! The pilot: tries all techniques at the radii of the settings, those that are not much worse at
+//! large radii, and the best at their best radii.
+
+use super::candidate_cost::{Best, CandidateCost};
+use super::model::{ENOUGH_FOUND, ImageScale, LARGEST_SCALE, Model};
+use super::revision::Revision;
+use super::trial::{Trial, TrialRunner};
+use super::{End, FreeParameters, Penalties, SceneTraits, Selection, Technique};
+use bdpm_core::base::error::Result;
+use bdpm_core::film::radiance::luminance_weights;
+use bdpm_core::render::NestedPart;
+use bdpm_core::render::Renderer;
+use bdpm_core::scene::{Emitter, Material, Media};
+use bdpm_core::settings::{Bias, Direct, Settings, Strategy};
+use bdpm_core::transport::kernel::ByClass;
+use bdpm_core::transport::photon::PhotonClass;
+use std::array::from_fn;
+use std::time::Instant;
+
+/// Shares of the pilot's time for its three rounds: all techniques, the better ones at large radii,
+/// the best at their best radii.
+const ROUNDS: [f64; 3] = [0.35, 0.4, 0.25];
+
+/// A technique is dropped if its squared error, at the best radii by one trial, exceeds the
+/// smallest by this factor.
+const HOPELESS: f64 = 4.0;
+
+/// Penalty on the predicted squared error of a candidate that was never tried at its radii.
+///
+/// It is multiplied by the largest factor by which trials of other candidates exceeded their
+/// prediction. Of several candidates the best looks better than it is.
+const UNTRIED: f64 = 2.0;
+
+/// An untried candidate is worth more of the pilot's time if its predicted squared error is less by
+/// this factor than that of all that were tried.
+const PROMISING: f64 = 1.25;
+
+/// Techniques that are tried at large radii, even if the time is over.
+const MIN_AT_LARGE_RADII: u32 = 2;
+
+/// Penalty on the squared error of techniques that find lamps in rough surfaces only by random
+/// sampling, because short trials miss most of that light. In the scene `veach-mis`
+/// (docs/measurements/mitsuba-equal-time.md) one of them was predicted 11 % relative error and had
+/// 77 %.
+const RARE_LIGHT_PENALTY: f64 = 4.0;
+
+/// Penalty on the squared error of techniques that merge: near ties go to path tracing, which has
+/// no bias and no photons that a whole image shares. In three interiors where predictions are near
+/// ties, the squared error of `mis` was 2.7, 3.1 and 0.73 times that of `path`
+/// (docs/measurements/interiors.md).
+const MERGING_PENALTY: f64 = 1.4;
+
+/// Optical thickness of a scene full of its densest medium from which on merging around points is
+/// tried, too. In thin media, segments have far less noise for the same time: 50 times less
+/// variance in scenes/smoke (docs/how-to/media.md).
+const DENSE: f32 = 4.0;
+
+/// Typical number of techniques that the last round tries.
+const FINALISTS: f64 = 2.0;
+
+/// The last round may exceed the pilot's time by this factor while an untried candidate is
+/// promising.
+const LAST_TRIALS_PATIENCE: f64 = 1.5;
+
+/// Radius of the class of photons whose bias a trial does not measure, over that of the settings:
+/// the fit of both classes needs trials at different radii.
+const SMALLEST_SCALE: f32 = 0.5;
+
+/// Share of the pilot's time for learning where light paths start.
+const LEARNING_SHARE: f64 = 0.2;
+
+/// Tries what is open, in about `budget` seconds.
+///
+/// # Errors
+/// As [`Renderer::new`].
+pub fn run(
+    renderer: &Renderer,
+    open: FreeParameters,
+    end: End,
+    budget: f64,
+) -> Result<(Selection, Revision)> {
+    let start = Instant::now();
+    let own = renderer.settings();
+    let settings = &Settings { bias: open.bias(own), ..own.clone() };
+    let candidates = Technique::candidates(settings, open, SceneTraits::new(renderer));
+    let [screening, large, last] = ROUNDS.map(|share| share * budget);
+    let each = screening / candidates.len() as f64;
+    let demand = CandidateCost {
+        end: match end {
+            End::Time(time) => End::Time((time - budget) * f64::from(renderer.config().ranks)),
+            error => error,
+        },
+        ranks: renderer.config().ranks,
+        max_light_paths: renderer.most_light_paths(),
+        open,
+        corrects_bias: settings.bias == Bias::Reduce,
+        requested: [settings.caustic_radius, settings.radius],
+        medium_scale: settings.medium_scale,
+    };
+    let mut runner = TrialRunner::new(renderer, each)?;
+    let guide = if open.guide { runner.learn_guide(LEARNING_SHARE * budget)? } else { None };
+    let radii = Radii::new(settings, open);
+    let (tried, least_luminance) = (Vec::new(), 0.0);
+    let mut pilot =
+        Pilot { settings, demand, runner, radii, start, budget, tried, least_luminance };
+    pilot.screen(candidates, each)?;
+    pilot.try_large_radii(large)?;
+    let finalists = pilot.finish(last / FINALISTS)?;
+    let scored = |own: &Finalist| own.best.scored(own.model.technique, own.penalties);
+    let candidates = finalists.iter().map(scored).collect();
+    let revision = Revision::new(finalists, pilot.demand, pilot.scale());
+    let seconds = start.elapsed().as_secs_f64();
+    Ok((Selection { candidates, open, guide, seconds, revised: None }, revision))
+}
+
+pub(super) struct Pilot<'a> {
+    pub settings: &'a Settings,
+    pub demand: CandidateCost,
+    runner: TrialRunner<'a>,
+    radii: Radii,
+    start: Instant,
+    /// Seconds.
+    budget: f64,
+    tried: Vec<Tried>,
+    /// Mean luminance that the image has at least, by all trials so far, W/(m^2 sr).
+    least_luminance: f64,
+}
+
+/// A technique and its trials.
+struct Tried {
+    technique: Technique,
+    trials: Vec<Trial>,
+}
+
+/// A technique at its best radii and counts, in the last round.
+pub struct Finalist {
+    pub model: Model,
+    pub best: Best,
+    /// Factors on the squared error. That of an untried finalist is 1 until the last round is over.
+    pub penalties: Penalties,
+    /// Largest mean luminance of its trials, W/(m^2 sr).
+    pub luminance: f64,
+}
+
+impl Pilot<'_> {
+    /// Tries techniques at the radii of the settings, each for `seconds`, and keeps those that are
+    /// not much worse than the best.
+    fn screen(&mut self, techniques: Vec<Technique>, seconds: f64) -> Result<()> {
+        for technique in techniques {
+            let settings = technique.with(self.settings, self.radii.settings);
+            let first = self.trial(&settings, None, seconds)?;
+            self.tried.push(Tried { technique, trials: vec![first] });
+        }
+        for tried in &mut self.tried {
+            tried.trials[0].set_missed_light(self.least_luminance);
+        }
+        let weights = common_weights(&self.tried);
+        let rank = |tried: &Tried| {
+            let best = self.model(tried, &weights).best(&self.demand);
+            best.rank(&self.demand) * self.penalties(tried.technique).total()
+        };
+        let ranks: Vec<f64> = self.tried.iter().map(rank).collect();
+        let mut ranked: Vec<_> = ranks.into_iter().zip(self.tried.drain(..)).collect();
+        ranked.sort_by(|one, other| one.0.total_cmp(&other.0));
+        // A photon map that few pixels see looks less noisy than it is.
+        let is_known = |(_, tried): &&(f64, Tried)| !tried.is_thin(&weights[..]);
+        let least = ranked.iter().find(is_known).unwrap_or(&ranked[0]).0;
+        // A rank that is not a number is kept, so that at least one technique is left.
+        ranked.retain(|(rank, _)| {
+            let is_hopeless = *rank > HOPELESS * least;
+            !is_hopeless
+        });
+        self.tried = ranked.into_iter().map(|(_, tried)| tried).collect();
+        Ok(())
+    }
+
+    /// Runs a trial, and lets it know the light that all trials so far found at least.
+    pub fn trial(
+        &mut self,
+        settings: &Settings,
+        nests: Option<NestedPart>,
+        seconds: f64,
+    ) -> Result<Trial> {
+        let mut trial = self.runner.trial(settings, nests, seconds)?;
+        self.least_luminance = self.least_luminance.max(trial.least_luminance());
+        trial.set_missed_light(self.least_luminance);
+        Ok(trial)
+    }
+
+    /// Factors on the squared error of a technique.
+    fn penalties(&self, technique: Technique) -> Penalties {
+        let is_rare = technique.strategy == Strategy::Single && self.runner.mirrors_lamps_roughly();
+        Penalties {
+            merging: if technique.merges() { MERGING_PENALTY } else { 1.0 },
+            rare_light: if is_rare { RARE_LIGHT_PENALTY } else { 1.0 },
+            untried: 1.0,
+        }
+    }
+
+    /// Fits the trials of a technique so far. A bias that none of them measured is that of the
+    /// prior.
+    fn model(&self, tried: &Tried, weights: &[f64]) -> Model {
+        Model::new(tried.technique, &tried.trials, weights, self.scale())
+    }
+
+    pub fn scale(&self) -> ImageScale {
+        let [width, _] = self.settings.full_resolution();
+        ImageScale { width, footprint: self.runner.footprint }
+    }
+
+    /// Tries the techniques that are left at large radii, the best first, while there is time.
+    fn try_large_radii(&mut self, seconds: f64) -> Result<()> {
+        let trials: usize = self.tried.iter().map(|tried| tried.classes().count()).sum();
+        let seconds = seconds / trials.max(1) as f64;
+        let mut done = 0;
+        for mut tried in std::mem::take(&mut self.tried) {
+            let is_over = self.start.elapsed().as_secs_f64() > self.budget;
+            if tried.technique.merges() && done >= MIN_AT_LARGE_RADII && is_over {
+                // Too little is known of it.
+                continue;
+            }
+            for nests in tried.classes() {
+                let settings = tried.technique.with(self.settings, self.radii.large(nests));
+                tried.trials.push(self.trial(
+                    &settings,
+                    Some(NestedPart::Class(nests)),
+                    seconds,
+                )?);
+                done += u32::from(nests == PhotonClass::Diffuse);
+            }
+            self.tried.push(tried);
+        }
+        let weights = common_weights(&self.tried);
+        if self.tried.iter().any(|tried| !tried.is_thin(&weights)) {
+            self.tried.retain(|tried| !tried.is_thin(&weights));
+        }
+        Ok(())
+    }
+
+    /// Tries the best candidate at its best radii, until the best of all was tried or the time is
+    /// over. Returns the best first.
+    fn finish(&mut self, seconds: f64) -> Result<Vec<Finalist>> {
+        let weights = common_weights(&self.tried);
+        let finalist = |tried: &Tried| {
+            let model = self.model(tried, &weights);
+            let mut best = model.best(&self.demand);
+            // Where no radius is open, or none matters, all trials were at the best radii.
+            best.tried = !self.demand.open.any_radius() || !tried.technique.merges();
+            let luminance = tried.trials.iter().map(Trial::luminance).fold(0.0, f64::max);
+            Finalist { model, best, penalties: self.penalties(tried.technique), luminance }
+        };
+        let mut finalists: Vec<Finalist> = self.tried.iter().map(finalist).collect();
+        // Largest factor by which a trial exceeded its prediction.
+        let mut surprise = 1.0f64;
+        loop {
+            // At least one is tried: no other trial measures the times so well, which counts
+            // follow.
+            let elapsed = self.start.elapsed().as_secs_f64();
+            let any_tried = finalists.iter().any(|finalist| finalist.best.tried);
+            let patience =
+                if is_promising(&finalists, &self.demand) { LAST_TRIALS_PATIENCE } else { 1.0 };
+            let is_over = any_tried && elapsed > patience * self.budget;
+            // The prediction for an untried candidate can be wrong by as much.
+            let untried = if is_over { UNTRIED * surprise } else { 1.0 };
+            for Finalist { best, penalties, .. } in &mut finalists {
+                penalties.untried = if best.tried { 1.0 } else { untried };
+            }
+            let rank = |Finalist { best, penalties, .. }: &Finalist| {
+                best.rank(&self.demand) * penalties.total()
+            };
+            finalists.sort_by(|one, other| rank(one).total_cmp(&rank(other)));
+            if finalists[0].best.tried || is_over {
+                self.try_splitting(&mut finalists[0], &weights, seconds)?;
+                self.try_medium_scales(&mut finalists[0], &weights, seconds)?;
+                if finalists[0].best.tried {
+                    finalists[0].penalties.untried = 1.0;
+                }
+                return Ok(finalists);
+            }
+            let Finalist { model, best, luminance, .. } = &mut finalists[0];
+            let settings = best.settings(self.settings, model.technique);
+            let trial = self.trial(&settings, None, seconds)?;
+            *luminance = luminance.max(trial.luminance());
+            let expected = best.rank(&self.demand);
+            *best = model.tried_at(&trial, &weights, &self.demand);
+            surprise = surprise.max(best.rank(&self.demand) / expected);
+        }
+    }
+}
+
+impl Pilot<'_> {
+    /// Tries the best candidate with light paths that split, and keeps the better of both. Other
+    /// trials do without splitting: fewer light paths would tell less about rare light.
+    fn try_splitting(
+        &mut self,
+        Finalist { model, best, .. }: &mut Finalist,
+        weights: &[f64],
+        seconds: f64,
+    ) -> Result<()> {
+        let Some(technique) = model.technique.split().filter(|_| self.demand.open.splitting) else {
+            return Ok(());
+        };
+        let settings = best.settings(self.settings, technique);
+        let mut trial = self.trial(&settings, None, seconds)?;
+        // Paths that split take at least as long: this trial alone measures its times badly.
+        trial.times = trial.times.at_least(&best.times());
+        let split = model.tried_at(&trial, weights, &self.demand);
+        if split.rank(&self.demand) < best.rank(&self.demand) {
+            (*best, model.technique) = (split, technique);
+        }
+        Ok(())
+    }
+}
+
+/// Tests whether an untried candidate is predicted to be better by [`PROMISING`] than all that were
+/// tried.
+fn is_promising(finalists: &[Finalist], demand: &CandidateCost) -> bool {
+    let least = |tried: bool| {
+        let of = finalists.iter().filter(|finalist| finalist.best.tried == tried);
+        of.map(|Finalist { best, penalties, .. }| penalties.total() * best.rank(demand))
+            .fold(f64::INFINITY, f64::min)
+    };
+    PROMISING * least(false) < least(true)
+}
+
+impl SceneTraits {
+    /// Traits of the scene of a renderer.
+    fn new(renderer: &Renderer) -> Self {
+        let (scene, _) = renderer.scene_and_accel();
+        let has_delta_lights = scene.lights().emitters().iter().any(Emitter::is_delta);
+        let is_smooth = |own: &Material| {
+            let passes = own.bsdf.passes_through() && !own.bsdf.has_rough();
+            // Connections pass boundaries of media.
+            passes && !own.is_index_matched_boundary()
+        };
+        let mut materials = scene.materials().iter();
+        let needs_photons = has_delta_lights && materials.any(is_smooth);
+        let may_weight = scene.media().is_none_or(Media::allows_weighted_merges);
+        let media_scatter = scene.media().is_some_and(Media::any_scatters);
+        let is_dense = |media: &Media| media.largest_extinction() * scene.size() > DENSE;
+        let media_are_dense = scene.media().is_some_and(is_dense);
+        Self { needs_photons, may_weight, media_scatter, media_are_dense }
+    }
+}
+
+impl Tried {
+    /// Whether direct light comes from a photon map that few pixels see.
+    fn is_thin(&self, weights: &[f64]) -> bool {
+        let found = self.trials.iter().map(|trial| trial.found(weights));
+        self.technique.direct == Direct::PhotonMap && found.fold(0.0, f64::max) < ENOUGH_FOUND
+    }
+
+    /// Classes of photons that it merges.
+    fn classes(&self) -> impl Iterator<Item = PhotonClass> + use<> {
+        let merges = self.technique.merges();
+        let every = self.trials[0].has_caustic_photons.then_some(PhotonClass::Caustic);
+        merges.then_some(PhotonClass::Diffuse).into_iter().chain(every.filter(|_| merges))
+    }
+}
+
+/// Merge radii of trials, by class of photons, scene units.
+struct Radii {
+    settings: ByClass<f32>,
+    open: ByClass<bool>,
+}
+
+impl Radii {
+    fn new(settings: &Settings, open: FreeParameters) -> Self {
+        let Settings { radius, caustic_radius, .. } = *settings;
+        // Where both are open, both start from the larger radius.
+        let caustic_radius = if open.caustic_radius { radius } else { caustic_radius };
+        let mut own = Self { settings: [radius; 2], open: [open.radius; 2] };
+        own.settings[PhotonClass::Caustic as usize] = caustic_radius;
+        own.open[PhotonClass::Caustic as usize] = open.caustic_radius;
+        own
+    }
+
+    /// A large radius for one class of photons, whose bias then stands out from the noise.
+    fn large(&self, class: PhotonClass) -> ByClass<f32> {
+        let mut scale = [SMALLEST_SCALE; 2];
+        scale[class as usize] = LARGEST_SCALE;
+        from_fn(|class| self.settings[class] * if self.open[class] { scale[class] } else { 1.0 })
+    }
+}
+
+/// Weights of the pixels' squared errors, by the mean luminance of all trials, so that all
+/// techniques have the same weights.
+fn common_weights(tried: &[Tried]) -> Vec<f64> {
+    let (mut luminance, mut count) = (Vec::new(), 0.0);
+    for trial in tried.iter().flat_map(|tried| &tried.trials) {
+        luminance.resize(trial.noise.pixels.len(), 0.0);
+        for (sum, pixel) in luminance.iter_mut().zip(&trial.noise.pixels) {
+            *sum += pixel.luminance;
+        }
+        count += 1.0;
+    }
+    luminance.iter_mut().for_each(|sum| *sum /= count);
+    luminance_weights(&luminance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bdpm_core::scene::backend::{Backend, build};
+    use bdpm_core::settings::MediumQuery;
+    use bdpm_import::load;
+
+    fn settings() -> Settings {
+        Settings::resolve(&Default::default(), &Default::default(), 1.0).unwrap()
+    }
+
+    #[test]
+    fn path_tracing_is_no_candidate_where_it_would_miss_light() {
+        // The first lacks glass and mirrors, the second lights that no ray can hit.
+        let scenes = [
+            ("cornell-box", true),
+            ("caustic-sphere", true),
+            ("materials", false),
+            ("hall", false),
+        ];
+        for (name, is_candidate) in scenes {
+            let loaded =
+                load(format!("{}/../../scenes/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+            let settings =
+                Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
+            let settings = Settings { width: 16, height: 16, ..settings.unwrap() };
+            let accel = build(Backend::Bvh, &loaded.scene).unwrap();
+            let renderer = Renderer::new(&loaded.scene, &accel, settings.clone()).unwrap();
+            let traits = SceneTraits::new(&renderer);
+            let all = Technique::candidates(&settings, FreeParameters::ALL, traits);
+            let found = all.iter().any(|technique| technique.strategy == Strategy::Path);
+            assert_eq!(found, is_candidate, "{name}");
+        }
+    }
+
+    /// Where photons in media are merged is a choice in dense media only. Path tracing merges none.
+    #[test]
+    fn dense_media_are_merged_around_points_as_well() {
+        let all = |medium_query, media_scatter: bool, media_are_dense| {
+            let open = FreeParameters { medium_query, ..FreeParameters::ALL };
+            let (needs_photons, may_weight) = (false, !media_scatter);
+            let traits = SceneTraits { needs_photons, may_weight, media_scatter, media_are_dense };
+            Technique::candidates(&settings(), open, traits)
+        };
+        let count =
+            |all: &[Technique], query| all.iter().filter(|own| own.medium_query == query).count();
+        let [points, beams] = [MediumQuery::Points, MediumQuery::Beams].map(Some);
+        let dense = all(true, true, true);
+        assert!(count(&dense, points) >= 2 && count(&dense, points) == count(&dense, beams));
+        for some in [&dense, &all(true, true, false)] {
+            let without: Vec<_> = some.iter().filter(|own| own.medium_query.is_none()).collect();
+            assert!(without.len() == 1 && without[0].strategy == Strategy::Path);
+        }
+        assert_eq!(count(&all(true, true, false), points), 0);
+        assert_eq!(count(&all(false, true, true), points), 0, "beams are the default");
+        let clear = all(true, false, false);
+        assert_eq!(count(&clear, None), clear.len());
+    }
+}

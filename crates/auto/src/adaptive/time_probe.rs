@@ -1,0 +1,66 @@
+//! A quick estimate of the time of iterations, from a sample of the pixels, before any iteration is
+//! rendered.
+
+use crate::timing::TimeModel;
+use crate::timing::fit::fit;
+use crate::timing::measure::{Phase, Recorder, TimeSample};
+use bdpm_core::accel::Intersect;
+use bdpm_core::base::error::Result;
+use bdpm_core::film::counts::Counts;
+use bdpm_core::noise::Measure;
+use bdpm_core::render::Renderer;
+use bdpm_core::scene::Scene;
+use bdpm_core::settings::{Kernel, Settings};
+use std::sync::Arc;
+
+/// Approximate side of the sample, pixels.
+const SAMPLE_SIDE: u32 = 32;
+
+/// Maximum number of light paths.
+const MAX_LIGHT_PATHS: u32 = 16_384;
+
+/// Ratio between the two numbers of light paths and of camera paths that are timed.
+const COUNT_RATIO: u32 = 4;
+
+/// Timed iterations at each pair of counts. One more before them warms up the memory.
+const ITERATIONS: usize = 3;
+
+/// Approximate lower bound of the times of iterations with `settings` on the threads of the current
+/// rayon pool. It includes the phases, but neither waiting between threads nor the areas around
+/// gather points.
+///
+/// # Errors
+/// As [`Renderer::new`].
+pub fn min_times(
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn Intersect>,
+    settings: &Settings,
+) -> Result<TimeModel> {
+    let stride = (settings.width.min(settings.height) / SAMPLE_SIDE).max(1);
+    let many = settings.light_paths.clamp(COUNT_RATIO, MAX_LIGHT_PATHS);
+    let few = many / COUNT_RATIO;
+    let sample_settings = Settings {
+        light_paths: few,
+        camera_paths: 1,
+        kernel: Kernel::Disc,
+        sobol_set: 1,
+        ..settings.clone()
+    };
+    let mut renderer =
+        Renderer::new(scene, accel, sample_settings.clone())?.sample(sample_settings, stride)?;
+    renderer.iterate(Measure::Off);
+    let mut recorder = Recorder::new(rayon::current_num_threads());
+    for (light_paths, camera_paths) in [(few, 1), (many, 1), (few, COUNT_RATIO)] {
+        renderer.begin_block(Counts::uniform(light_paths, camera_paths))?;
+        for _ in 0..ITERATIONS {
+            let times = renderer.iterate(Measure::Off).times;
+            recorder.add(light_paths.into(), camera_paths.into(), &times);
+        }
+    }
+    let mut samples = recorder.samples();
+    samples.retain(|TimeSample { phase, .. }| *phase != Phase::Rest);
+    let Settings { width, height, .. } = renderer.settings();
+    let sampled = f64::from(*width) * f64::from(*height);
+    let model = fit(&samples, sampled)?.model;
+    Ok(TimeModel { pixels: settings.pixels() as f64, ..model })
+}

@@ -1,0 +1,10 @@
+//! What bdpm decides by itself: technique, radii, counts, and when to stop.
+//!
+//! [`timing`] measures and models the time of an iteration, and [`adaptive`] weighs it against the
+//! measured noise. Both render with [`bdpm_core`], a few iterations at a time. Nothing here reads
+//! scene files, keeps an image, or prints.
+
+pub mod timing;
+pub mod adaptive;
+
+pub use adaptive::stopping::Stop;

@@ -1,0 +1,113 @@
+//! Contribution of photons in the outer annulus of the merge disc, between half the radius and the
+//! radius. Its moments separate the merge bias of each pixel from its noise: theory.md, section
+//! 17a.
+
+use super::folds::FoldedStatistic;
+use super::radiance::luminance;
+use super::statistic::{PixelSample, StatisticRequest};
+use super::tiled_buffer::Accumulate;
+use crate::base::math::Rgb;
+use crate::settings::{Bias, Kernel, Settings};
+use bytemuck::Zeroable;
+use serde::{Deserialize, Serialize};
+
+/// Photon classes, each with its own merge radius.
+pub const CLASSES: usize = 2;
+
+/// Folds of the iterations: the bias that is estimated from one fold is subtracted from the other.
+pub const FOLDS: usize = 2;
+
+/// Sums over iterations of the contribution of one photon class.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Zeroable)]
+pub struct AnnulusMoments {
+    /// Sum of the radiance from the annulus, W/(m^2 sr).
+    pub sum: Rgb,
+    /// Sum of the square of its luminance.
+    pub squares: f32,
+    /// Sum of the product of its luminance and the luminance of the pixel's value.
+    pub products: f32,
+}
+
+/// Sums over the iterations of one fold, of a pixel or of the mean over a cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Zeroable)]
+pub struct FoldSums {
+    /// Sum of the luminance of the pixel's value, W/(m^2 sr).
+    pub value: f32,
+    /// Moments of the annulus, by photon class.
+    pub classes: [AnnulusMoments; CLASSES],
+}
+
+impl Accumulate for FoldSums {
+    const BY_CELL: bool = true;
+
+    #[inline]
+    fn add_sample(&mut self, sample: &PixelSample) {
+        // Without photons there is no annulus, but the value still tells the folds apart.
+        let annulus = sample.annulus.unwrap_or_default();
+        if !annulus.iter().all(|radiance| radiance.is_finite()) {
+            return;
+        }
+        let value = luminance(sample.value);
+        self.value += value as f32;
+        for (moments, radiance) in self.classes.iter_mut().zip(annulus) {
+            let own = luminance(radiance);
+            moments.sum += radiance.as_vec3();
+            moments.squares += (own * own) as f32;
+            moments.products += (own * value) as f32;
+        }
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.value += other.value;
+        for (own, other) in self.classes.iter_mut().zip(&other.classes) {
+            own.sum += other.sum;
+            own.squares += other.squares;
+            own.products += other.products;
+        }
+    }
+}
+
+/// Typical merge bias at half the radius, relative to the contribution of the annulus, by photon
+/// class.
+///
+/// Caustics and the disc kernel are fitted to renders with known bias. A disc at a distance of less
+/// than the radius from an edge loses a part that does not depend on the radius. The other value
+/// follows from `TYPICAL_FALL` of the settings.
+pub fn left_at_half(kernel: Kernel) -> [f64; CLASSES] {
+    match kernel {
+        Kernel::Area => [0.7, 0.547],
+        Kernel::Disc => [0.7, 1.2],
+    }
+}
+
+impl FoldedStatistic for FoldSums {
+    fn folds(request: &StatisticRequest) -> usize {
+        match request.settings.bias {
+            Bias::Reduce => FOLDS,
+            Bias::Keep => 0,
+        }
+    }
+
+    fn is_possible(folds: usize, settings: &Settings) -> bool {
+        folds == if settings.bias == Bias::Reduce { FOLDS } else { 0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn annulus_that_is_not_finite_is_left_out() {
+        let mut sums = FoldSums::default();
+        let value = DVec3::splat(2.0);
+        for annulus in [[DVec3::splat(0.5), DVec3::ZERO], [DVec3::NAN, DVec3::ONE]] {
+            sums.add_sample(&PixelSample { value, annulus: Some(annulus), aovs: None });
+        }
+        assert_eq!(sums.value, 2.0);
+        let AnnulusMoments { sum, squares, products } = sums.classes[0];
+        assert_eq!((sum.x, squares, products), (0.5, 0.25, 1.0));
+        assert_eq!(sums.classes[1], AnnulusMoments::default());
+    }
+}

@@ -1,0 +1,24 @@
+//! The core of bdpm: from a scene in memory to an image that knows its own error.
+//!
+//! Here live scenes, light transport, photon maps, the statistics of an image, its noise, and
+//! [`Renderer`], which renders iterations. All of it is in one crate, since the hot path spans its
+//! modules. Nothing here knows formats of scene files, decides how long to render, or prints.
+
+// In the order of the stages: no module names one that comes after it.
+pub mod base;
+#[doc(hidden)] // public for tests and benches
+pub mod simd;
+pub mod accel;
+pub mod image_io;
+pub mod settings;
+pub mod scene;
+pub mod film;
+#[doc(hidden)] // public for tests and benches
+pub mod transport;
+pub mod noise;
+pub mod render;
+
+pub use base::error::{Error, Result};
+pub use render::Renderer;
+pub use scene::Scene;
+pub use settings::Settings;

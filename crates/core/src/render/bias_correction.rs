@@ -1,0 +1,494 @@
+//! Correction of the merge bias where it is larger than its noise: theory.md, section 17a.
+//!
+//! The contribution of the outer annulus of the merge discs to a pixel consists of bias and noise.
+//! Its moments over the iterations separate both. Around each pixel, the fraction that minimizes
+//! the squared error is subtracted. The fraction for one fold of the iterations is estimated from
+//! the other fold, so that it is independent of the noise that it scales.
+
+use super::block::Block;
+use crate::base::math::Rgb;
+use crate::film::annulus::{AnnulusMoments, FOLDS, FoldSums, left_at_half};
+use crate::film::cells::CellGrid;
+use crate::film::radiance::{luminance, luminance_weights, total};
+use crate::film::windows::sum_of_squared_sums;
+use crate::transport::kernel::ByClass;
+use rayon::prelude::*;
+
+/// Minimum ratio of the squared bias of the annulus to the variance of its estimate: below it
+/// nothing is subtracted, since both are noisy. Fixed by experiment.
+const BIAS_EXCESS: f64 = 1.0;
+
+/// Correction of the merge bias of an image, for each [cell](CellGrid) in row order.
+#[derive(Clone, Debug)]
+pub struct BiasCorrection {
+    /// Radiance to be subtracted, W/(m^2 sr).
+    pub correction: Vec<Rgb>,
+    /// Share of `correction` in the radiance of each cell, if cells have several pixels; else
+    /// empty.
+    shares: Vec<Rgb>,
+    /// Change of the variance of the mean's luminance. It is often negative: the noise of the
+    /// annulus is subtracted with the bias.
+    pub variance_change: Vec<f64>,
+    /// Estimate of the squared luminance of the remaining bias; negative values are noise.
+    pub bias2: Vec<f64>,
+    /// Half of the difference between the estimates of `bias2` from both folds.
+    pub bias2_difference: Vec<f64>,
+    /// Square of the noise that one half of the iterations has beside the other, scaled to the
+    /// noise of the image: a sample of its squared error, before the correction.
+    pub squared_noise: Vec<f64>,
+}
+
+/// Estimates for one pixel and photon class from the iterations of one fold, times the block
+/// weights.
+#[derive(Clone, Copy, Default)]
+struct FoldEstimate {
+    /// Sum of the radiance from the annulus.
+    sum: Rgb,
+    /// Squared mean of its luminance.
+    bias2: f64,
+    /// Variance of the luminance of the sum.
+    variance: f64,
+    /// Covariance of the luminances of the sum and of the pixel's value.
+    covariance: f64,
+}
+
+/// Sums over the iterations of a fold of their weights and of the squared weights.
+#[derive(Clone, Copy, Default)]
+struct FoldWeight {
+    first: f64,
+    second: f64,
+}
+
+/// Moments of one pixel and photon class, times the block weights.
+#[derive(Clone, Copy, Default)]
+struct WeightedMoments {
+    value: f64,
+    sum: Rgb,
+    squares: f64,
+    products: f64,
+}
+
+/// Blocks of an image with the weights of their iterations.
+struct WeightedBlocks<'a> {
+    blocks: &'a [Block],
+    weights: &'a [f64],
+    folds: [FoldWeight; FOLDS],
+}
+
+impl BiasCorrection {
+    /// Memory per cell of the correction and of its intermediate results.
+    pub const BYTES: usize = size_of::<[FoldEstimate; FOLDS]>()
+        + 3 * size_of::<[f64; 2 * FOLDS]>()
+        + 2 * size_of::<Rgb>()
+        + 6 * size_of::<f64>();
+
+    /// Correction of the image that `blocks` form with these weights of their iterations;
+    /// `luminance` is a smoothed estimate of the luminance of each cell. `None` if a block does not
+    /// keep the annulus, or before the second iteration of both folds.
+    pub fn new(blocks: &[Block], weights: &[f64], luminance: &[f64]) -> Option<Self> {
+        let weighted = WeightedBlocks::new(blocks, weights)?;
+        let importance = luminance_weights(luminance);
+        let pixels = importance.len();
+        let mut all = Self {
+            correction: vec![Rgb::ZERO; pixels],
+            shares: Vec::new(),
+            variance_change: vec![0.0; pixels],
+            bias2: vec![0.0; pixels],
+            bias2_difference: vec![0.0; pixels],
+            squared_noise: weighted.squared_noise(),
+        };
+        let left_at_half = left_at_half(blocks[0].kernel);
+        for (class, left_at_half) in left_at_half.into_iter().enumerate() {
+            let estimates = weighted.estimates(class);
+            if estimates.par_iter().flatten().any(|fold| fold.variance > 0.0 || fold.bias2 > 0.0) {
+                all.add(&weighted, &estimates, left_at_half, luminance, &importance);
+            }
+        }
+        Some(all)
+    }
+
+    /// Corrects pixels of cells of these radiances in proportion to their own. The bias of a cell
+    /// is that of its bright pixels: it would darken the others, beyond an edge or in a texture.
+    #[must_use]
+    pub fn with_shares(self, radiance: impl IndexedParallelIterator<Item = Rgb>) -> Self {
+        let share = |(correction, radiance): (&Rgb, Rgb)| {
+            let is_lit = radiance.cmpgt(Rgb::ZERO);
+            Rgb::select(is_lit, *correction / radiance, Rgb::ZERO).clamp(-Rgb::ONE, Rgb::ONE)
+        };
+        let shares = self.correction.par_iter().zip(radiance).map(share).collect();
+        Self { shares, ..self }
+    }
+
+    /// Correction of a pixel of this mean radiance, at a column and row. Shares are linear between
+    /// the centers of cells.
+    #[inline]
+    pub fn at(&self, grid: CellGrid, pixel: (u32, u32), radiance: Rgb) -> Rgb {
+        let mix =
+            |parts: [(Rgb, f32); 4]| parts.map(|(own, weight)| own * weight).into_iter().sum();
+        match self.shares.is_empty() {
+            true => grid.interpolated(&self.correction, pixel, mix),
+            false => radiance * grid.interpolated::<Rgb>(&self.shares, pixel, mix),
+        }
+    }
+
+    /// Adds the correction of one photon class.
+    fn add(
+        &mut self,
+        blocks: &WeightedBlocks,
+        estimates: &[[FoldEstimate; FOLDS]],
+        left_at_half: f64,
+        luminance: &[f64],
+        importance: &[f64],
+    ) {
+        let total: f64 = blocks.folds.iter().map(|fold| fold.first).sum();
+        let relative = |(estimates, weight): (&[FoldEstimate; FOLDS], &f64)| {
+            let variance = |fold: usize| {
+                weight * estimates[fold].variance / (blocks.folds[fold].first * total)
+            };
+            [weight * estimates[0].bias2, variance(0), weight * estimates[1].bias2, variance(1)]
+        };
+        let relative: Vec<_> = estimates.par_iter().zip(importance).map(relative).collect();
+        let (width, height) = CellGrid::of(blocks.blocks[0].film.resolution()).size();
+        let around = smooth(&relative, width as usize, height as usize);
+        let pixels = self.correction.par_iter_mut().zip(&mut self.variance_change);
+        let pixels = pixels.zip(&mut self.bias2).zip(&mut self.bias2_difference).enumerate();
+        pixels.for_each(|(pixel, (((correction, variance_change), bias2), difference))| {
+            let (around, weight) = (&around[pixel], importance[pixel]);
+            for (fold, own) in estimates[pixel].iter().enumerate() {
+                // The factor comes from the other fold
+                let other = 2 * (1 - fold);
+                let factor = shrinkage(around[other], around[other + 1].max(0.0));
+                *correction += own.sum * (factor / total) as f32;
+                *variance_change +=
+                    factor * (factor * own.variance - 2.0 * own.covariance) / (total * total);
+                // The luminance at half the radius is not less than its own bias: theory.md (71e)
+                let annulus = (around[2 * fold].max(0.0) / weight).sqrt();
+                let at_half = (luminance[pixel] - factor * annulus).max(0.0);
+                let left = left_at_half.min(at_half / annulus);
+                let half = 0.5 * (1.0 - factor + left).powi(2) * own.bias2;
+                *bias2 += half;
+                *difference += if fold == 0 { half } else { -half };
+            }
+        });
+    }
+}
+
+/// Squared bias of the outer annulus of each class of photons and its standard error: means over
+/// cells with these weights. The error comes from the two folds. `None` if a block does not keep
+/// the annulus, or before the second iteration of both folds.
+pub fn annulus_bias2(
+    blocks: &[Block],
+    weights: &[f64],
+    importance: &[f64],
+) -> Option<ByClass<[f64; 2]>> {
+    let weighted = WeightedBlocks::new(blocks, weights)?;
+    let size = CellGrid::of(blocks[0].film.resolution()).size();
+    let of_class = |class: usize| {
+        let estimates = weighted.estimates(class);
+        let weighted = estimates.par_iter().zip(importance);
+        let terms: Vec<[f64; 2]> = weighted
+            .map(|([one, other], weight)| {
+                let half = 0.5 * weight;
+                [half * (one.bias2 + other.bias2), half * (one.bias2 - other.bias2)]
+            })
+            .collect();
+        let differences: Vec<f64> = terms.iter().map(|[_, difference]| *difference).collect();
+        let count = terms.len() as f64;
+        let sum = total(&terms, |[mean, _]| *mean);
+        [sum / count, sum_of_squared_sums(&differences, size).sqrt() / count]
+    };
+    Some(std::array::from_fn(of_class))
+}
+
+/// Fraction of the annulus to subtract, from its squared bias and its variance: theory.md (71d).
+pub fn shrinkage(bias2: f64, variance: f64) -> f64 {
+    let excess = (bias2 - BIAS_EXCESS * variance).max(0.0);
+    if excess > 0.0 { excess / (excess + variance) } else { 0.0 }
+}
+
+impl<'a> WeightedBlocks<'a> {
+    /// `None` if a block does not keep the annulus, or before the second iteration of both folds.
+    fn new(blocks: &'a [Block], weights: &'a [f64]) -> Option<Self> {
+        let mut folds = [FoldWeight::default(); FOLDS];
+        for (block, &weight) in blocks.iter().zip(weights) {
+            let iterations = block.statistics.annulus.as_ref()?.iterations();
+            for (fold, n) in folds.iter_mut().zip(iterations.iter().map(|n| *n as f64)) {
+                fold.first += weight * n;
+                fold.second += weight * weight * n;
+            }
+        }
+        // theory.md (71b)
+        let pairs = |fold: &FoldWeight| fold.first.powi(2) - fold.second;
+        let has_pairs = |fold: &FoldWeight| pairs(fold) > 1e-9 * fold.first.powi(2);
+        folds.iter().all(has_pairs).then_some(Self { blocks, weights, folds })
+    }
+
+    /// [`BiasCorrection::squared_noise`] of each cell in row order.
+    fn squared_noise(&self) -> Vec<f64> {
+        let cells = CellGrid::of(self.blocks[0].film.resolution()).len();
+        let mut differences = vec![0.0; cells];
+        for (block, &weight) in self.blocks.iter().zip(self.weights) {
+            let annulus = block.statistics.annulus.as_ref().expect("checked for all blocks");
+            for (fold, (sums, of_fold)) in annulus.folds().iter().zip(&self.folds).enumerate() {
+                let sign = if fold == 0 { 1.0 } else { -1.0 };
+                let factor = sign * weight / of_fold.first;
+                sums.zip_pixels(&mut differences, |difference, at| {
+                    *difference += factor * f64::from(sums.values()[at].value);
+                });
+            }
+        }
+        // Variances of the mean and of the difference, for iterations of variance 1.
+        let [one, other] = &self.folds;
+        let of_mean = (one.second + other.second) / (one.first + other.first).powi(2);
+        let of_half = |fold: &FoldWeight| fold.second / fold.first.powi(2);
+        let scale = of_mean / (of_half(one) + of_half(other));
+        differences.par_iter_mut().for_each(|own| *own = scale * *own * *own);
+        differences
+    }
+
+    /// Estimates of each cell in row order, by fold.
+    fn estimates(&self, class: usize) -> Vec<[FoldEstimate; FOLDS]> {
+        let cells = CellGrid::of(self.blocks[0].film.resolution()).len();
+        let mut all = vec![<[WeightedMoments; FOLDS]>::default(); cells];
+        for (block, &weight) in self.blocks.iter().zip(self.weights) {
+            let annulus = block.statistics.annulus.as_ref().expect("checked for all blocks");
+            for (fold, sums) in annulus.folds().iter().enumerate() {
+                sums.zip_pixels(&mut all, |all, at| {
+                    let sums = &sums.values()[at];
+                    all[fold].add(sums, &sums.classes[class], weight);
+                });
+            }
+        }
+        let estimate = |all: &[WeightedMoments; FOLDS]| {
+            [0, 1].map(|fold| all[fold].estimate(&self.folds[fold]))
+        };
+        all.par_iter().map(estimate).collect()
+    }
+}
+
+impl WeightedMoments {
+    fn add(&mut self, sums: &FoldSums, moments: &AnnulusMoments, weight: f64) {
+        self.value += weight * f64::from(sums.value);
+        self.sum += moments.sum * weight as f32;
+        self.squares += weight * weight * f64::from(moments.squares);
+        self.products += weight * weight * f64::from(moments.products);
+    }
+
+    /// theory.md (71b), (71c)
+    fn estimate(&self, FoldWeight { first, second }: &FoldWeight) -> FoldEstimate {
+        let sum = luminance(self.sum.as_dvec3());
+        let pairs = first * first - second;
+        let bias2 = (sum * sum - self.squares) / pairs;
+        let product = (sum * self.value - self.products) / pairs;
+        FoldEstimate {
+            sum: self.sum,
+            bias2,
+            variance: self.squares - second * bias2,
+            covariance: self.products - second * product,
+        }
+    }
+}
+
+/// Weighted means around each pixel. The weights decrease linearly to 0 at a distance of five
+/// pixels along rows and columns.
+fn smooth<const N: usize>(values: &[[f64; N]], width: usize, height: usize) -> Vec<[f64; N]> {
+    let along = |values: &[[f64; N]], step: usize, radius: usize, length: usize| {
+        let mean = |index: usize| {
+            let center = index / step % length;
+            let (mut sums, mut all) = ([0.0; N], 0.0);
+            for other in center.saturating_sub(radius)..(center + radius + 1).min(length) {
+                let weight = (radius + 1 - center.abs_diff(other)) as f64;
+                let values = &values[index + other * step - center * step];
+                sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+                all += weight;
+            }
+            sums.map(|sum| sum / all)
+        };
+        (0..values.len()).into_par_iter().map(mean).collect::<Vec<_>>()
+    };
+    let rows = along(values, 1, SMOOTHING_RADIUS, width);
+    along(&rows, width, SMOOTHING_RADIUS, height)
+}
+
+/// Radius of [`smooth`], pixels.
+const SMOOTHING_RADIUS: usize = 4;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::rng::{Rng, Stream, StreamKey};
+    use crate::film::annulus::CLASSES;
+    use crate::film::counts::Counts;
+    use crate::film::statistic::{CurrentIteration, PixelSample};
+    use crate::render::RenderConfig;
+    use crate::render::accumulators::{IterationSample, SharedStatistics};
+    use crate::render::combined_image::CombinedImage;
+    use crate::settings::{Bias, Kernel, PartialSettings, Settings};
+    use glam::DVec3;
+
+    const SIDE: u32 = 24;
+
+    fn typical_left_at_half() -> f64 {
+        left_at_half(Kernel::Area)[1]
+    }
+
+    /// Blocks of an image of luminance 1 with noise 0.3. In the left half, the annulus of the
+    /// second class contributes `bias` and `noise`; elsewhere, both classes contribute noise only.
+    fn blocks(bias: f64, noise: f64, iterations: &[u64], seed: u64) -> Vec<Block> {
+        let partial = PartialSettings {
+            resolution: Some([SIDE, SIDE]),
+            bias: Some(Bias::Reduce),
+            ..Default::default()
+        };
+        let settings = Settings::resolve(&partial, &Default::default(), 1.0).unwrap();
+        let mut rng = StreamKey::new(seed, Stream::Pilot, 0).rng(0);
+        let gauss = |rng: &mut Rng| (0..12).map(|_| f64::from(rng.next_1d())).sum::<f64>() - 6.0;
+        let mut first = 0;
+        let block = |&count: &u64| {
+            let request = RenderConfig::default().request(&settings);
+            let mut block = Block::new(&request, first, Counts::uniform(10, 1));
+            let mut shared = SharedStatistics::default();
+            for number in first..first + count {
+                let iteration = CurrentIteration { number, is_measured: false };
+                let (_, mut tiles) = block.begin_iteration(iteration, request, &mut shared);
+                for tile in &mut tiles {
+                    for index in 0..tile.film.tile.len() as u32 {
+                        let (x, _) = tile.film.tile.pixel(index);
+                        let own = if x < SIDE / 2 { bias } else { 0.0 };
+                        let annulus: [f64; CLASSES] =
+                            [0.0, own].map(|bias| bias + noise * gauss(&mut rng));
+                        let value = 1.0 + 0.3 * gauss(&mut rng) + annulus[0] + annulus[1];
+                        let annulus = Some(annulus.map(DVec3::splat));
+                        let value = DVec3::splat(value);
+                        let pixel = PixelSample { value, annulus, aovs: None };
+                        let sample = IterationSample { pixel, ..IterationSample::default() };
+                        tile.add_sample(index as usize, &sample);
+                    }
+                }
+                let deviation = tiles.iter().map(|tile| tile.film.deviation).sum();
+                block.end_iteration(iteration, deviation);
+            }
+            first += count;
+            block
+        };
+        iterations.iter().map(block).collect()
+    }
+
+    fn mean(values: &[f64]) -> f64 {
+        total(values, |value| *value) / values.len() as f64
+    }
+
+    #[test]
+    fn bias_without_noise_is_subtracted_completely() {
+        let blocks = blocks(0.5, 0.0, &[6], 1);
+        let image = CombinedImage::new(&blocks, vec![1.0]);
+        let merged = blocks[0].film.mean();
+        for (index, (corrected, merged)) in image.mean().iter().zip(&merged).enumerate() {
+            let subtracted = f64::from(merged.x - corrected.x);
+            let expected = if index as u32 % SIDE < SIDE / 2 { 0.5 } else { 0.0 };
+            assert!((subtracted - expected).abs() < 1e-5, "{index}: {subtracted}");
+        }
+        // The bias at half the radius is not measured but assumed.
+        let left = mean(&image.bias_correction().unwrap().bias2);
+        let expected = 0.5 * (typical_left_at_half() * 0.5).powi(2);
+        assert!((left / expected - 1.0).abs() < 1e-3, "{left}");
+    }
+
+    #[test]
+    fn noise_without_bias_is_not_subtracted() {
+        let (mut sum, mut squares, mut count) = (0.0, 0.0, 0.0);
+        for seed in 0..40 {
+            let blocks = blocks(0.0, 1.0, &[40], seed);
+            let image = CombinedImage::new(&blocks, vec![1.0]);
+            for correction in &image.bias_correction().unwrap().correction {
+                sum += f64::from(correction.x);
+                squares += f64::from(correction.x).powi(2);
+                count += 1.0;
+            }
+        }
+        // The factor is independent of the fold that it scales: the expectation is 0. Neighbors
+        // have similar factors but independent annuli.
+        let error = squares.sqrt() / count;
+        assert!(squares > 0.0 && (sum / count).abs() < 3.0 * error, "{} +- {error}", sum / count);
+        // Noise of 1 in each of two classes.
+        assert!(squares / count < 0.05 * 2.0 / 40.0, "{}", squares / count * 40.0);
+    }
+
+    #[test]
+    fn noise_of_one_image_has_the_variance_as_its_mean() {
+        for (parts, weights) in [(&[40][..], vec![1.0]), (&[12, 30], vec![0.4, 1.0])] {
+            let (mut squares, mut variances) = (Vec::new(), 0.0);
+            for seed in 0..30 {
+                let blocks = blocks(0.0, 0.0, parts, 500 + seed);
+                let image = CombinedImage::new(&blocks, weights.clone());
+                squares.push(mean(&image.bias_correction().unwrap().squared_noise));
+                variances += mean(&image.variance_of_mean().unwrap()) / 30.0;
+            }
+            let squared = mean(&squares);
+            // 576 pixels of each of 30 images, each with a relative variance of 2.
+            let error = (2.0 / (576.0 * 30.0f64)).sqrt();
+            assert!((squared / variances - 1.0).abs() < 4.0 * error, "{squared} {variances}");
+        }
+    }
+
+    #[test]
+    fn estimated_error_matches_true_error() {
+        for (bias, parts, weights) in
+            [(0.1, &[60][..], vec![1.0]), (0.3, &[60], vec![1.0]), (0.2, &[20, 40], vec![0.3, 1.0])]
+        {
+            let (mut estimate, mut errors) = (0.0, Vec::new());
+            let (runs, half) = (60, typical_left_at_half() * bias);
+            for seed in 0..runs {
+                let blocks = blocks(bias, 1.0, parts, 1000 + seed);
+                let image = CombinedImage::new(&blocks, weights.clone());
+                let noise = mean(&image.variance_of_mean().unwrap());
+                let bias2 = mean(&image.bias_correction().unwrap().bias2);
+                estimate += (noise + bias2) / runs as f64;
+                let square = |(index, pixel): (usize, &Rgb)| {
+                    // The simulated images lack the bias at half the radius
+                    let left = if index as u32 % SIDE < SIDE / 2 { half } else { 0.0 };
+                    (f64::from(pixel.x) + left - 1.0).powi(2)
+                };
+                let error = image.mean().iter().enumerate().map(square).sum::<f64>();
+                errors.push(error / f64::from(SIDE * SIDE));
+            }
+            let true_error = errors.iter().sum::<f64>() / runs as f64;
+            let spread = errors.iter().map(|x| (x - true_error).powi(2)).sum::<f64>();
+            let spread = spread / (runs - 1) as f64;
+            let error = (spread / runs as f64).sqrt();
+            assert!(
+                (estimate - true_error).abs() < 3.0 * error + 0.03 * true_error,
+                "{bias}: {estimate}, not {true_error} +- {error}"
+            );
+            // Without correction: noise of three terms, and the whole bias
+            let merged = 2.09 / 60.0 + 0.5 * (bias + half).powi(2);
+            assert!(bias < 0.2 || true_error < 0.9 * merged, "{bias}: {true_error} of {merged}");
+        }
+    }
+
+    #[test]
+    fn correction_needs_two_iterations_of_each_fold() {
+        for (count, known) in [(0, false), (3, false), (4, true)] {
+            let blocks = blocks(0.1, 0.1, &[count], 3);
+            let image = CombinedImage::new(&blocks, vec![1.0]);
+            assert_eq!(image.bias_correction().is_some(), known, "{count}");
+        }
+    }
+
+    #[test]
+    fn smoothing_keeps_constants_and_sums() {
+        let constant = smooth(&[[2.0, 3.0]; 70], 10, 7);
+        assert!(
+            constant
+                .iter()
+                .flatten()
+                .zip([2.0, 3.0].iter().cycle())
+                .all(|(a, b)| (a - b).abs() < 1e-12)
+        );
+        let mut point = vec![[0.0]; 441];
+        point[220] = [1.0];
+        let around = smooth(&point, 21, 21);
+        assert!((around.iter().flatten().sum::<f64>() - 1.0).abs() < 1e-12);
+        assert_eq!(around.iter().filter(|[x]| *x > 0.0).count(), 81);
+    }
+}

@@ -1,0 +1,414 @@
+//! The kinds of light sources: their power, the light paths that they emit, and connections to
+//! them.
+
+use super::cluster::Cluster;
+use super::luminaire::{OpeningEmitter, PointLuminaire};
+use super::solid_angle::SphericalTriangle;
+use super::{Emission, LightSample, below_one};
+use crate::base::math::{
+    Bounds, Rgb, cosine_hemisphere, cosine_hemisphere_inverse, luminance, sin_cos_turns, turns,
+    uniform_disc, uniform_disc_inverse, uniform_sphere, uniform_sphere_inverse, uniform_triangle,
+    uniform_triangle_inverse,
+};
+use crate::base::rng::Rng;
+use crate::scene::{TexturedTriangle, Triangle};
+use glam::Vec3;
+use std::f32::consts::{PI, TAU};
+
+/// A light source; a mesh that emits has one per triangle.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Emitter {
+    /// An isotropic point.
+    Point {
+        /// Position, scene units.
+        position: Vec3,
+        /// Radiant intensity, W/sr.
+        intensity: Rgb,
+    },
+    /// A point that emits into a cone.
+    Spot(Spot),
+    /// Parallel light from far away, such as the sun's.
+    Directional(Directional),
+    /// A triangle that emits uniform radiance from its front.
+    Triangle {
+        /// Its geometry.
+        shape: Triangle,
+        /// Emitted radiance, W/(m^2 sr).
+        radiance: Rgb,
+    },
+    /// A triangle that emits by a texture.
+    Textured(Box<TexturedTriangle>),
+    /// A point with the intensity distribution of a luminaire.
+    Luminaire(Box<PointLuminaire>),
+    /// The luminous opening of a luminaire.
+    Opening(Box<OpeningEmitter>),
+}
+
+/// A point that emits into a cone: its full intensity within the inner angle, none outside the
+/// outer angle. Between them it falls off with the square of a linear function of the cosine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spot {
+    /// Position, scene units.
+    pub position: Vec3,
+    /// Unit vector along the axis.
+    pub direction: Vec3,
+    /// Radiant intensity along the axis, W/sr.
+    pub intensity: Rgb,
+    /// Cosine of the largest angle from the axis with the full intensity.
+    pub cos_inner: f32,
+    /// Cosine of the smallest angle without intensity; less than `cos_inner`.
+    pub cos_outer: f32,
+}
+
+/// Parallel light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Directional {
+    /// Unit vector along which the light travels.
+    pub direction: Vec3,
+    /// Irradiance of surfaces that face the light, W/m^2.
+    pub irradiance: Rgb,
+    /// Center of a sphere around the scene; [`Scene::new`](crate::Scene::new) sets it.
+    pub center: Vec3,
+    /// Radius of that sphere, scene units.
+    pub radius: f32,
+}
+
+impl Spot {
+    /// Power over the full intensity, sr: the solid angle of the inner cone, and a third of that of
+    /// the falloff.
+    pub fn solid_angle(&self) -> f32 {
+        let [full, falloff] = self.solid_angles();
+        full + falloff
+    }
+
+    /// Solid angle of the inner cone, and the equivalent solid angle of the falloff, sr.
+    /// theory.md (12).
+    fn solid_angles(&self) -> [f32; 2] {
+        [TAU * (1.0 - self.cos_inner), TAU / 3.0 * (self.cos_inner - self.cos_outer)]
+    }
+
+    /// Share of the intensity in a direction at this cosine to the axis, in [0, 1].
+    /// theory.md (12).
+    #[inline]
+    pub fn falloff(&self, cosine: f32) -> f32 {
+        let share = (cosine - self.cos_outer) / (self.cos_inner - self.cos_outer);
+        share.clamp(0.0, 1.0).powi(2)
+    }
+
+    /// Starts a light path in proportion to the intensity, from two uniform numbers.
+    /// theory.md (13).
+    fn emit(&self, prob: f32, [choice, around]: [f32; 2]) -> Emission {
+        let [full, falloff] = self.solid_angles();
+        // The rest of the number that chose is uniform again.
+        let chosen = choice * (full + falloff);
+        let cosine = if chosen < full {
+            1.0 - chosen / full * (1.0 - self.cos_inner)
+        } else {
+            // The linear function t of the cosine has the density 3 t^2.
+            let u = ((chosen - full) / falloff).min(1.0);
+            self.cos_outer + (1.0 - u).cbrt() * (self.cos_inner - self.cos_outer)
+        };
+        let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+        let (sin, cos) = sin_cos_turns(around);
+        let (tangent, bitangent) = self.direction.any_orthonormal_pair();
+        Emission {
+            origin: self.position,
+            direction: sine * (cos * tangent + sin * bitangent) + cosine * self.direction,
+            flux: self.intensity * (self.solid_angle() / prob),
+        }
+    }
+
+    /// Inverse of [`Self::emit`]: the numbers that give this direction.
+    fn emission_numbers(&self, direction: Vec3) -> [f32; 2] {
+        let [full, falloff] = self.solid_angles();
+        let cosine = direction.dot(self.direction);
+        let chosen = if cosine >= self.cos_inner {
+            full * (1.0 - cosine) / (1.0 - self.cos_inner)
+        } else {
+            let t = (cosine - self.cos_outer) / (self.cos_inner - self.cos_outer);
+            full + falloff * (1.0 - t.max(0.0).powi(3))
+        };
+        let (tangent, bitangent) = self.direction.any_orthonormal_pair();
+        [chosen / (full + falloff), turns(tangent.dot(direction), bitangent.dot(direction))]
+    }
+
+    fn connect(&self, position: Vec3, prob: f32) -> Option<LightSample> {
+        let (wi, distance2) = toward(self.position, position);
+        let share = self.falloff(-wi.dot(self.direction));
+        let irradiance = self.intensity * (share / (distance2 * prob));
+        (share > 0.0).then(|| LightSample::of_delta(self.position, wi, irradiance))
+    }
+}
+
+impl Directional {
+    /// Light along `direction` (a unit vector), for a scene that is built later.
+    pub fn new(direction: Vec3, irradiance: Rgb) -> Self {
+        Self { direction, irradiance, center: Vec3::ZERO, radius: 0.0 }
+    }
+
+    /// Area of the disc that contains all light that can meet the scene, scene units squared.
+    fn area(&self) -> f32 {
+        PI * self.radius * self.radius
+    }
+
+    fn emit(&self, prob: f32, across: [f32; 2]) -> Emission {
+        let [u, v] = uniform_disc(across);
+        let (right, up) = self.direction.any_orthonormal_pair();
+        let across = u * right + v * up - self.direction;
+        Emission {
+            origin: self.center + self.radius * across,
+            direction: self.direction,
+            flux: self.irradiance * (self.area() / prob),
+        }
+    }
+
+    /// Inverse of [`Self::emit`]: the numbers that give the ray through `point`.
+    fn emission_numbers(&self, point: Vec3) -> [f32; 2] {
+        let (right, up) = self.direction.any_orthonormal_pair();
+        let across = (point - self.center) / self.radius;
+        uniform_disc_inverse([right, up].map(|axis| axis.dot(across)))
+    }
+
+    fn connect(&self, position: Vec3, prob: f32) -> LightSample {
+        // The target is on the disc where its light paths start.
+        let along = (position - self.center).dot(self.direction) + self.radius;
+        let target = position - along.max(self.radius) * self.direction;
+        LightSample::of_delta(target, -self.direction, self.irradiance / prob)
+    }
+}
+
+/// Unit vector from `position` to `target`, and the square of their distance.
+pub(super) fn toward(target: Vec3, position: Vec3) -> (Vec3, f32) {
+    let to_light = target - position;
+    let distance2 = to_light.length_squared();
+    (to_light * distance2.sqrt().recip(), distance2)
+}
+
+impl Triangle {
+    /// Barycentric weights of the second and third corner, of the point of the plane next to
+    /// `point`.
+    pub(super) fn weights(&self, point: Vec3) -> [f32; 2] {
+        let from_corner = point - self.origin;
+        // The cross product with the normal leaves out what is off the plane.
+        let inverse = self.edge1.cross(self.edge2).dot(self.normal).recip();
+        [from_corner.cross(self.edge2), self.edge1.cross(from_corner)]
+            .map(|area| area.dot(self.normal) * inverse)
+    }
+
+    /// Starts a light path from a point that emits `radiance`, a function of its barycentric
+    /// weights.
+    pub(super) fn emit(
+        &self,
+        radiance: impl FnOnce([f32; 2]) -> Rgb,
+        prob: f32,
+        [a, b, c, d]: [f32; 4],
+    ) -> Emission {
+        let at = uniform_triangle([a, b]);
+        Emission {
+            origin: self.point(at) + self.normal * self.offset,
+            direction: cosine_hemisphere(self.normal, [c, d]),
+            flux: radiance(at) * (PI * self.area() / prob),
+        }
+    }
+
+    /// Inverse of [`Self::emit`]: the numbers that give a light path from `point`, near the
+    /// triangle, along `direction`.
+    fn emission_numbers(&self, point: Vec3, direction: Vec3) -> [f32; 4] {
+        let [a, b] = uniform_triangle_inverse(self.weights(point));
+        let [c, d] = cosine_hemisphere_inverse(self.normal, direction);
+        [a, b, c, d]
+    }
+
+    /// Connects `position` with a point that emits `radiance`, a function of its barycentric
+    /// weights; `None` from behind.
+    pub(super) fn connect(
+        &self,
+        position: Vec3,
+        radiance: impl FnOnce([f32; 2]) -> Rgb,
+        prob: f32,
+        rng: &mut Rng,
+    ) -> Option<LightSample> {
+        let random = rng.next_2d();
+        let near = SphericalTriangle::if_near(self, position);
+        let at = near.as_ref().map_or_else(|| uniform_triangle(random), |near| near.sample(random));
+        let target = self.point(at) + self.normal * self.offset;
+        let (wi, distance2) = toward(target, position);
+        let cos_light = -wi.dot(self.normal);
+        // The reciprocal of the density in solid angle.
+        // theory.md (14) where it is near
+        let inverse_pdf_w = near
+            .map_or_else(|| cos_light * self.area() / distance2, |near| near.solid_angle())
+            / prob;
+        let irradiance = radiance(at) * inverse_pdf_w;
+        let sample = LightSample { target, wi, irradiance, relative: 1.0, inverse_pdf_w };
+        (cos_light > 0.0).then_some(sample)
+    }
+
+    /// Reciprocal of the density in solid angle with which [`Self::connect`] chooses the point
+    /// `origin`, sr; `direction` leads from it to `position`.
+    pub(super) fn inverse_pdf_w(&self, origin: Vec3, direction: Vec3, position: Vec3) -> f32 {
+        SphericalTriangle::if_near(self, position).map_or_else(
+            || direction.dot(self.normal) * self.area() / origin.distance_squared(position),
+            |near| near.solid_angle(),
+        )
+    }
+}
+
+impl Emitter {
+    /// Radiant power, W; that of parallel light is the part that meets the sphere around the scene.
+    pub fn power(&self) -> Rgb {
+        match self {
+            Self::Point { intensity, .. } => 4.0 * PI * *intensity,
+            Self::Spot(spot) => spot.solid_angle() * spot.intensity,
+            Self::Directional(light) => light.area() * light.irradiance,
+            Self::Triangle { shape, radiance } => PI * shape.area() * *radiance,
+            Self::Textured(panel) => PI * panel.shape.area() * panel.mean(),
+            Self::Luminaire(lamp) => lamp.aimed.power(),
+            Self::Opening(lamp) => lamp.opening.aimed().power(),
+        }
+    }
+
+    /// A box around the points from which light starts; `None` for parallel light.
+    pub(crate) fn bounds(&self) -> Option<Bounds> {
+        Cluster::of(self).map(|cluster| cluster.bounds)
+    }
+
+    /// A point from which light starts, off the surface; `None` for parallel light.
+    pub fn position(&self) -> Option<Vec3> {
+        let center = |shape: &Triangle| {
+            shape.origin + (shape.edge1 + shape.edge2) / 3.0 + shape.offset * shape.normal
+        };
+        match self {
+            Self::Point { position, .. } => Some(*position),
+            Self::Spot(spot) => Some(spot.position),
+            Self::Directional(_) => None,
+            Self::Triangle { shape, .. } => Some(center(shape)),
+            Self::Textured(panel) => Some(center(&panel.shape)),
+            Self::Luminaire(lamp) => Some(lamp.position),
+            Self::Opening(lamp) => lamp.triangles().first().map(center),
+        }
+    }
+
+    /// Mean radiance of the surface in a unit direction, W/(m^2 sr); `None` without a surface.
+    pub(super) fn hit_radiance(&self, direction: Vec3) -> Option<Rgb> {
+        match self {
+            Self::Triangle { radiance, .. } => Some(*radiance),
+            Self::Textured(panel) => Some(panel.mean()),
+            Self::Opening(lamp) => Some(lamp.opening.radiance(direction)),
+            Self::Point { .. } | Self::Spot(_) | Self::Directional(_) | Self::Luminaire(_) => None,
+        }
+    }
+
+    /// Returns true if no ray can hit the light: only connections and photons then carry its light.
+    pub fn is_delta(&self) -> bool {
+        match self {
+            Self::Point { .. } | Self::Spot(_) | Self::Directional(_) | Self::Luminaire(_) => true,
+            Self::Triangle { .. } | Self::Textured(_) | Self::Opening(_) => false,
+        }
+    }
+
+    /// Starts a light path from four uniform numbers; the light was chosen with probability `prob`.
+    /// The first two numbers select a point on the surface, the last two a direction. Lights with
+    /// only one of these use the first two.
+    pub(super) fn emit(&self, prob: f32, at: [f64; 4]) -> Emission {
+        let numbers @ [a, b, ..] = at.map(below_one);
+        match self {
+            Self::Point { position, intensity } => Emission {
+                origin: *position,
+                direction: uniform_sphere([a, b]),
+                flux: *intensity * (4.0 * PI / prob),
+            },
+            Self::Triangle { shape, radiance } => shape.emit(|_| *radiance, prob, numbers),
+            Self::Spot(spot) => spot.emit(prob, [a, b]),
+            Self::Directional(light) => light.emit(prob, [a, b]),
+            Self::Textured(panel) => panel.emit(prob, numbers),
+            Self::Luminaire(lamp) => lamp.emit(prob, [at[0], at[1]]),
+            Self::Opening(lamp) => lamp.emit(prob, at),
+        }
+    }
+
+    /// Inverse of [`Self::emit`]: the numbers that start a light path at `origin` along
+    /// `direction`; `None` for those that it does not use.
+    pub(super) fn emission_numbers(&self, origin: Vec3, direction: Vec3) -> [Option<f64>; 4] {
+        let two = |[a, b]: [f32; 2]| [Some(a.into()), Some(b.into()), None, None];
+        let four = |shape: &Triangle| {
+            shape.emission_numbers(origin, direction).map(|number| Some(f64::from(number)))
+        };
+        match self {
+            Self::Point { .. } => two(uniform_sphere_inverse(direction)),
+            Self::Spot(spot) => two(spot.emission_numbers(direction)),
+            Self::Directional(light) => two(light.emission_numbers(origin)),
+            Self::Triangle { shape, .. } => four(shape),
+            Self::Textured(panel) => four(&panel.shape),
+            Self::Luminaire(lamp) => lamp.emission_numbers(direction),
+            Self::Opening(lamp) => lamp.emission_numbers(origin, direction),
+        }
+    }
+
+    /// Returns true if the light emits anything.
+    pub(in crate::scene) fn has_power(&self) -> bool {
+        luminance(self.power()) > 0.0
+    }
+
+    /// Reciprocal of the density in solid angle of connections with the point `origin` of a surface
+    /// that is certain to be chosen, sr; `direction` leads from it to `position`. `None` if it
+    /// cannot be connected.
+    pub(super) fn inverse_pdf_w(&self, origin: Vec3, direction: Vec3, at: Vec3) -> Option<f32> {
+        let inverse = match self {
+            Self::Triangle { shape, .. } => shape.inverse_pdf_w(origin, direction, at),
+            Self::Textured(panel) => panel.shape.inverse_pdf_w(origin, direction, at),
+            Self::Opening(lamp) => lamp.inverse_pdf_w(origin, direction, at)?,
+            Self::Point { .. } | Self::Spot(_) | Self::Directional(_) | Self::Luminaire(_) => {
+                return None;
+            }
+        };
+        Some(inverse).filter(|&inverse| inverse > 0.0)
+    }
+
+    /// Luminance of the irradiance of a connection of `position` with `origin`, W/m^2, if the light
+    /// is certain to be chosen and emits its mean radiance there. `direction` leads from `origin`
+    /// to `position`.
+    pub(super) fn irradiance(&self, origin: Vec3, direction: Vec3, position: Vec3) -> f32 {
+        let distance2 = || origin.distance_squared(position);
+        match self {
+            Self::Point { intensity, .. } => luminance(*intensity) / distance2(),
+            Self::Spot(spot) => {
+                let share = spot.falloff(direction.dot(spot.direction));
+                luminance(spot.intensity) * share / distance2()
+            }
+            Self::Directional(light) => luminance(light.irradiance),
+            Self::Triangle { shape, radiance } => {
+                luminance(*radiance) * shape.inverse_pdf_w(origin, direction, position)
+            }
+            Self::Textured(panel) => {
+                luminance(panel.mean()) * panel.shape.inverse_pdf_w(origin, direction, position)
+            }
+            Self::Luminaire(lamp) => luminance(lamp.aimed.intensity(direction)) / distance2(),
+            Self::Opening(lamp) => {
+                let inverse = lamp.inverse_pdf_w(origin, direction, position);
+                luminance(lamp.opening.radiance(direction)) * inverse.unwrap_or(0.0)
+            }
+        }
+    }
+
+    /// A point on the light to connect `position` with; the light was chosen with probability
+    /// `prob`.
+    pub(super) fn connect(&self, position: Vec3, prob: f32, rng: &mut Rng) -> Option<LightSample> {
+        match self {
+            Self::Point { position: target, intensity } => {
+                let (wi, distance2) = toward(*target, position);
+                let irradiance = *intensity * (distance2 * prob).recip();
+                (distance2 > 0.0).then(|| LightSample::of_delta(*target, wi, irradiance))
+            }
+            Self::Triangle { shape, radiance } => shape.connect(position, |_| *radiance, prob, rng),
+            Self::Spot(spot) => spot.connect(position, prob),
+            Self::Directional(light) => Some(light.connect(position, prob)),
+            Self::Textured(panel) => panel.connect(position, prob, rng),
+            Self::Luminaire(lamp) => lamp.connect(position, prob),
+            Self::Opening(lamp) => lamp.connect(position, prob, rng),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,166 @@
+//! Points of a nearby triangle, uniform over its solid angle (Arvo, *Stratified Sampling of
+//! Spherical Triangles*, 1995).
+//!
+//! Where a light touches a surface, points uniform over the light's area give the irradiance
+//! unbounded variance.
+
+use crate::scene::Triangle;
+use glam::{DVec3, Vec3};
+
+/// Minimum solid angle, sr: smaller ones lose too many digits, and points over the area then serve
+/// as well.
+const LEAST: f64 = 1e-6;
+
+/// A triangle as seen from a point.
+pub(super) struct SphericalTriangle {
+    /// From the point to the first corner.
+    first: DVec3,
+    /// From the first corner to the others.
+    edges: [DVec3; 2],
+    /// Directions of the corners.
+    corners: [DVec3; 3],
+    /// Angle at the first corner, radians.
+    alpha: f64,
+    /// Solid angle, sr.
+    solid_angle: f64,
+}
+
+/// The part of `v` across the unit vector `axis`, of unit length.
+fn across(v: DVec3, axis: DVec3) -> DVec3 {
+    (v - v.dot(axis) * axis).normalize_or_zero()
+}
+
+impl SphericalTriangle {
+    /// The spherical triangle if `shape` is near, compared with its longest edge; far ones do not
+    /// repay the effort.
+    #[inline]
+    pub(super) fn if_near(shape: &Triangle, position: Vec3) -> Option<Self> {
+        let Triangle { origin, edge1, edge2, .. } = *shape;
+        let edges = [edge1, edge2, edge2 - edge1].map(Vec3::length_squared);
+        let longest2 = edges[0].max(edges[1]).max(edges[2]);
+        let to_center = origin + (edge1 + edge2) / 3.0 - position;
+        let is_near = to_center.length_squared() < 4.0 * longest2;
+        is_near.then(|| Self::new(shape, position)).flatten()
+    }
+
+    /// `None` if the solid angle is too small.
+    fn new(shape: &Triangle, position: Vec3) -> Option<Self> {
+        let first = shape.origin.as_dvec3() - position.as_dvec3();
+        let edges = [shape.edge1.as_dvec3(), shape.edge2.as_dvec3()];
+        let corners =
+            [first, first + edges[0], first + edges[1]].map(|corner| corner.normalize_or_zero());
+        let [a, b, c] = corners;
+        // Van Oosterom and Strackee (1983).
+        let determinant = a.dot(b.cross(c)).abs();
+        // theory.md (14)
+        let solid_angle = 2.0 * determinant.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
+        let alpha = across(b, a).angle_between(across(c, a));
+        // In the triangle's plane no direction hits it, though the angle is 2 pi inside.
+        let is_seen = solid_angle > LEAST && determinant > LEAST * LEAST;
+        (is_seen && alpha.is_finite()).then_some(Self { first, edges, corners, alpha, solid_angle })
+    }
+
+    /// Solid angle, sr.
+    pub(super) fn solid_angle(&self) -> f32 {
+        self.solid_angle as f32
+    }
+
+    /// Barycentric weights (of the second and third corner) of a point that is uniform over the
+    /// solid angle, from a uniform point of the unit square.
+    pub(super) fn sample(&self, random: [f32; 2]) -> [f32; 2] {
+        let w = self.direction(random);
+        // The ray's point in the plane (Möller and Trumbore 1997). Rounding may leave the triangle.
+        let [edge1, edge2] = self.edges;
+        let p = w.cross(edge2);
+        let det = edge1.dot(p);
+        let q = edge1.cross(self.first);
+        let [u, v] = [-self.first.dot(p) / det, w.dot(q) / det];
+        let u = u.clamp(0.0, 1.0);
+        [u as f32, v.clamp(0.0, 1.0 - u) as f32]
+    }
+
+    /// A unit direction that is uniform over the solid angle.
+    fn direction(&self, [u, v]: [f32; 2]) -> DVec3 {
+        let [a, b, c] = self.corners;
+        // The triangle ABC' of the share u of the angle; c is the side AB. Section 2 there.
+        let (sin_alpha, cos_alpha) = self.alpha.sin_cos();
+        let (s, t) = (f64::from(u) * self.solid_angle - self.alpha).sin_cos();
+        let p = t - cos_alpha;
+        let q = s + sin_alpha * a.dot(b);
+        let cos_b = ((q * t - p * s) * cos_alpha - q) / ((q * s + p * t) * sin_alpha);
+        let cos_b = if cos_b.is_finite() { cos_b.clamp(-1.0, 1.0) } else { 1.0 };
+        let moved = cos_b * a + (1.0 - cos_b * cos_b).sqrt() * across(c, a);
+        // A point on the arc from B to C'.
+        let z = 1.0 - f64::from(v) * (1.0 - moved.dot(b));
+        z * b + (1.0 - z * z).max(0.0).sqrt() * across(moved, b)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::math::uniform_sphere;
+    use crate::base::rng::{Stream, StreamKey};
+
+    /// Means of polynomials over the directions, against those over uniform directions that hit.
+    #[test]
+    fn directions_are_uniform_over_the_solid_angle() {
+        let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
+        let far = [Vec3::new(1.0, 0.2, 2.0), Vec3::new(2.0, 0.1, 2.2), Vec3::new(1.2, 1.3, 2.1)];
+        let near =
+            [Vec3::new(-3.0, -2.0, 0.5), Vec3::new(4.0, -1.0, 0.4), Vec3::new(0.0, 3.0, 0.3)];
+        let needle =
+            [Vec3::new(0.1, 0.0, 0.05), Vec3::new(5.0, 0.0, 0.05), Vec3::new(5.0, 0.3, 0.05)];
+        for corners in [far, near, needle] {
+            let shape = Triangle::new(corners, 0);
+            let seen = SphericalTriangle::new(&shape, Vec3::ZERO).expect("large");
+            let moments =
+                |w: DVec3| [1.0, w.x, w.y, w.x * w.x, w.x * w.y, w.y * w.y, w.z * w.z * w.x];
+            let n = 400_000;
+            let mut expected = [[0.0; 2]; 7];
+            for _ in 0..n {
+                let w = uniform_sphere(rng.next_2d());
+                // Möller and Trumbore.
+                let p = w.cross(shape.edge2);
+                let det = shape.edge1.dot(p);
+                let u = -shape.origin.dot(p) / det;
+                let q = (-shape.origin).cross(shape.edge1);
+                let (v, t) = (w.dot(q) / det, shape.edge2.dot(q) / det);
+                if u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 {
+                    for (sum, moment) in expected.iter_mut().zip(moments(w.as_dvec3())) {
+                        let value = 4.0 * std::f64::consts::PI * moment;
+                        sum[0] += value / f64::from(n);
+                        sum[1] += value * value / f64::from(n);
+                    }
+                }
+            }
+            let mut found = [0.0; 7];
+            for _ in 0..n {
+                let random = rng.next_2d();
+                let w = seen.direction(random);
+                assert!((w.length() - 1.0).abs() < 1e-6);
+                let point = shape.point(seen.sample(random)).as_dvec3().normalize();
+                assert!(point.dot(w) > 1.0 - 1e-9, "{point} {w}");
+                for (sum, moment) in found.iter_mut().zip(moments(w)) {
+                    *sum += seen.solid_angle * moment / f64::from(n);
+                }
+            }
+            for ([mean, square], found) in expected.into_iter().zip(found) {
+                let error = ((square - mean * mean) / f64::from(n)).sqrt();
+                // Both have errors; the uniform directions' is the larger one.
+                assert!((found - mean).abs() < 5.0 * error + 1e-9, "{found} {mean} +- {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn triangles_seen_edge_on_or_far_away_have_no_solid_angle() {
+        let shape = Triangle::new([Vec3::ZERO, Vec3::X, Vec3::Y], 0);
+        let inside = Vec3::new(0.3, 0.2, 0.0);
+        for from in [Vec3::new(3.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 1e5), Vec3::ZERO, inside] {
+            assert!(SphericalTriangle::new(&shape, from).is_none(), "{from}");
+        }
+        assert!(SphericalTriangle::if_near(&shape, Vec3::splat(1.0)).is_some());
+        assert!(SphericalTriangle::if_near(&shape, Vec3::splat(3.0)).is_none());
+    }
+}

@@ -1,0 +1,97 @@
+//! Scattering by shading normals: interpolated, or bent by a map.
+
+use super::Surface;
+use crate::base::math::uniform_disc;
+use crate::base::rng::Rng;
+use crate::scene::bsdf::{Bsdf, BsdfSample, Lobe, LobeSet, Transport, Vertex};
+use glam::Vec3;
+use std::f32::consts::PI;
+
+/// Minimum cosine between a shading normal and the direction that it is seen from.
+const GRAZING: f32 = 1e-3;
+
+/// The normal by which a surface scatters, seen from `wo`, given its interpolated normal and the
+/// triangle's.
+#[inline(never)] // keeps the common case short
+pub(crate) fn shading_normal(
+    bsdf: &Bsdf,
+    interpolated: Vec3,
+    triangle: Vec3,
+    wo: Vec3,
+    transport: Transport,
+) -> Vec3 {
+    match (bsdf, transport) {
+        // The value does not depend on the viewing direction, even below the horizon of the normal.
+        // Flux leaves by the cosine of the triangle; see `adjoint_correction`.
+        (Bsdf::Lambertian { .. }, Transport::Radiance) => interpolated,
+        (Bsdf::Lambertian { .. }, Transport::Flux) => triangle,
+        // A normal that faces away is bent until it is visible; its surface would be black.
+        // theory.md (33)
+        _ => (interpolated + (GRAZING - interpolated.dot(wo)).max(0.0) * wo).normalize(),
+    }
+}
+
+impl Surface<'_> {
+    pub(super) fn shading_normal(&self, normal: Vec3, transport: Transport) -> Vec3 {
+        shading_normal(&self.bsdf, normal, self.normal, self.wo, transport)
+    }
+
+    /// [`Self::scatter_flux`] by a shading normal.
+    #[inline(never)] // keeps the common case short
+    pub(super) fn scatter_flux_by(&self, normal: Vec3, rng: &mut Rng) -> Option<BsdfSample> {
+        let hidden = self.hidden_share(normal);
+        if hidden > 0.0 && rng.next_1d() < hidden {
+            return Some(self.scatter_below(normal, rng));
+        }
+        let at = self.vertex(Transport::Flux);
+        let sample = self.bsdf.sample(&at, Transport::Flux, LobeSet::All, rng)?;
+        let scale = self.adjoint_correction(normal, &at, sample.wi) / (1.0 - hidden);
+        let agrees = self.agrees(&at, sample.wi);
+        agrees.then_some(BsdfSample { weight: sample.weight * scale, ..sample })
+    }
+
+    /// Factor of a light path's flux where it continues from `at` toward `wi`: shading normals make
+    /// scattering asymmetric (Veach 1997, Section 5.3). theory.md (34), (35).
+    fn adjoint_correction(&self, normal: Vec3, at: &Vertex, wi: Vec3) -> f32 {
+        let arriving = |normal: Vec3| normal.dot(self.wo) / self.normal.dot(self.wo);
+        match &self.bsdf {
+            Bsdf::Lambertian { .. } => arriving(normal).max(0.0),
+            _ => arriving(at.normal) * (self.normal.dot(wi) / at.normal.dot(wi)).abs(),
+        }
+    }
+
+    /// Share of the light that a diffuse surface would send above the triangle and below the
+    /// horizon of `normal`. Camera paths from there see wide facets by a normal bent toward them,
+    /// while a BSDF sends nothing there. Narrow lobes get no such share: hits of their peaks would
+    /// be rare and bright. Light paths lose that light: 1 % of the light that a floor with bumps of
+    /// 37 degrees sends to a wall. theory.md (36).
+    fn hidden_share(&self, normal: Vec3) -> f32 {
+        let bsdf = &self.bsdf;
+        let wide = bsdf.merges() && !bsdf.passes_through();
+        let bent = wide && !matches!(bsdf, Bsdf::Lambertian { .. });
+        if bent { 0.5 * (1.0 - normal.dot(self.normal)).max(0.0) } else { 0.0 }
+    }
+
+    /// Samples a direction above the triangle and below the horizon of `normal`, with the density
+    /// of diffuse light times the probability of this case.
+    fn scatter_below(&self, normal: Vec3, rng: &mut Rng) -> BsdfSample {
+        let cos = normal.dot(self.normal);
+        let toward = normal.reject_from_normalized(self.normal).normalize_or_zero();
+        // Seen from above, the region lies between a half circle and half an ellipse of the axes 1
+        // and `cos`: a half disc, squeezed.
+        let [x, y] = uniform_disc(rng.next_2d());
+        let half = (1.0 - y * y).max(0.0).sqrt();
+        let away = cos * half + (1.0 - cos) * x.abs();
+        let up = (1.0 - away * away - y * y).max(0.0).sqrt();
+        let wi = up * self.normal - away * toward + y * self.normal.cross(toward);
+        // Evaluate it as seen by a camera there: scattering from the light, which is at `wo`,
+        // toward `wi`.
+        let seen = Surface { wo: wi, ..*self };
+        let normal = seen.shading_normal(normal, Transport::Radiance);
+        let at = Vertex { normal, wo: wi, front: self.front, tangent: self.tangent };
+        let areas = normal.dot(self.wo) / self.normal.dot(self.wo);
+        // theory.md (36)
+        let weight = self.bsdf.eval_lobe(Lobe::Diffuse, &at, self.wo) * (PI * areas.max(0.0));
+        BsdfSample { wi, weight, lobe: Lobe::Diffuse }
+    }
+}

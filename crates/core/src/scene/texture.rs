@@ -1,0 +1,275 @@
+//! Textures of 8 bits per channel.
+
+use crate::base::math::Rgb;
+use glam::{DVec3, Vec2, Vec3, Vec4};
+use std::sync::{Arc, LazyLock};
+
+/// A texture of 8 bits per channel. `u` runs right and `v` up over [0, 1]; [`Sampling`] defines
+/// values outside.
+#[derive(Clone, PartialEq, Eq, Hash)]
+pub struct Texture {
+    width: u32,
+    height: u32,
+    /// Red, green, blue and opacity, rows from the top. Clones share the texels.
+    texels: Arc<[[u8; 4]]>,
+    has_opacity: bool,
+    sampling: Sampling,
+}
+
+/// Values of a texture between its texels and outside its edges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Sampling {
+    /// Wrapping outside the edges, along `u` and `v`.
+    pub wrap: [Wrap; 2],
+    /// If true, the nearest texel is the value; otherwise texels are interpolated.
+    pub nearest: bool,
+}
+
+/// Continuation of a texture outside its edges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Wrap {
+    /// Repeated.
+    #[default]
+    Repeat,
+    /// Repeated, every other time mirrored.
+    Mirror,
+    /// The value at the edge.
+    Clamp,
+}
+
+impl Wrap {
+    /// The coordinate within [0, 1] that `x` maps to.
+    #[inline]
+    fn fold(self, x: f32) -> f32 {
+        match self {
+            // Remainders may round up, and are NaN if `x` is infinite.
+            Self::Repeat => x.rem_euclid(1.0).min(1.0),
+            Self::Mirror => (1.0 - (x.rem_euclid(2.0) - 1.0).abs()).max(0.0),
+            Self::Clamp => x.clamp(0.0, 1.0),
+        }
+    }
+
+    /// The texel that index `i`, at most one outside, maps to.
+    #[inline]
+    fn texel(self, i: i64, size: u32) -> usize {
+        let size = i64::from(size);
+        let inside = match self {
+            Self::Repeat => i.rem_euclid(size),
+            Self::Mirror | Self::Clamp => i.clamp(0, size - 1),
+        };
+        inside as usize
+    }
+}
+
+impl std::fmt::Debug for Texture {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Texture({}x{})", self.width, self.height)
+    }
+}
+
+/// Linear values of sRGB codes (IEC 61966-2-1).
+static SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
+    std::array::from_fn(|code| {
+        let x = code as f32 / 255.0;
+        if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+    })
+});
+
+impl Texture {
+    /// A repeated, interpolated texture of `width` times `height` texels: red, green, blue and
+    /// opacity, rows from the top.
+    ///
+    /// # Panics
+    /// If the number of texels differs, or is 0.
+    pub fn new(width: u32, height: u32, texels: Vec<[u8; 4]>) -> Self {
+        assert!(!texels.is_empty() && texels.len() == width as usize * height as usize);
+        let has_opacity = texels.iter().any(|texel| texel[3] != 255);
+        let (texels, sampling) = (texels.into(), Sampling::default());
+        Self { width, height, texels, has_opacity, sampling }
+    }
+
+    /// The texture with another sampling; it shares the texels.
+    #[must_use]
+    pub fn sampled(self, sampling: Sampling) -> Self {
+        Self { sampling, ..self }
+    }
+
+    /// Width and height, texels.
+    pub fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
+    /// All texels.
+    pub fn texels(&self) -> &[[u8; 4]] {
+        &self.texels
+    }
+
+    /// Sampling of the texture.
+    pub fn sampling(&self) -> Sampling {
+        self.sampling
+    }
+
+    /// Linear color at `uv` of a texture in sRGB.
+    pub fn color(&self, uv: Vec2) -> Rgb {
+        let linear = |[r, g, b, _]: [u8; 4]| {
+            let table = &*SRGB;
+            Vec4::new(table[r as usize], table[g as usize], table[b as usize], 0.0)
+        };
+        self.filtered(uv, linear).truncate()
+    }
+
+    /// Mean of the linear color.
+    pub fn mean_color(&self) -> Rgb {
+        let table = &*SRGB;
+        let sum = self.sum(|code| f64::from(table[usize::from(code)]));
+        (sum / self.texels.len() as f64).as_vec3()
+    }
+
+    /// Sum of the texels' `value` of red, green and blue.
+    fn sum(&self, value: impl Fn(u8) -> f64) -> DVec3 {
+        self.texels.iter().map(|&[r, g, b, _]| DVec3::from([r, g, b].map(&value))).sum()
+    }
+
+    /// Mean of the alpha channel, in [0, 1].
+    pub fn mean_opacity(&self) -> f32 {
+        let sum: u64 = self.texels.iter().map(|texel| u64::from(texel[3])).sum();
+        (sum as f64 / (255.0 * self.texels.len() as f64)) as f32
+    }
+
+    /// Mean of each channel as stored, in [0, 1].
+    pub fn mean_data(&self) -> Vec3 {
+        (self.sum(f64::from) / (255.0 * self.texels.len() as f64)).as_vec3()
+    }
+
+    /// The numbers at `uv` as stored, in [0, 1].
+    pub fn data(&self, uv: Vec2) -> Vec3 {
+        let stored = |[r, g, b, _]: [u8; 4]| Vec4::from([r, g, b, 0].map(f32::from)) / 255.0;
+        self.filtered(uv, stored).truncate()
+    }
+
+    /// The vector at `uv` of a normal map, of any length: right, up, and off the surface. Code 128
+    /// is 0, the convention of programs that write maps; 127.5 would tilt flat maps by 0.2 degrees.
+    pub fn vector(&self, uv: Vec2) -> Vec3 {
+        (self.data(uv) * 255.0 - 128.0) / 127.0
+    }
+
+    /// Opacity at `uv`, in [0, 1]: the alpha channel if the texture has one, else the mean of the
+    /// channels as stored.
+    pub fn opacity(&self, uv: Vec2) -> f32 {
+        let value = |[r, g, b, a]: [u8; 4]| {
+            let sum = u32::from(r) + u32::from(g) + u32::from(b);
+            Vec4::splat(if self.has_opacity { f32::from(a) } else { sum as f32 / 3.0 } / 255.0)
+        };
+        self.filtered(uv, value).x
+    }
+
+    /// The nearest texel, or the bilinear interpolation of the four around `uv`.
+    fn filtered(&self, uv: Vec2, value: impl Fn([u8; 4]) -> Vec4) -> Vec4 {
+        let Sampling { wrap: [across, up], nearest } = self.sampling;
+        // Texel centers lie at halves.
+        let along = |wrap: Wrap, x: f32, size: u32| {
+            let position = x * size as f32 - if nearest { 0.0 } else { 0.5 };
+            let low = position.floor();
+            let index = |i: f32| wrap.texel(i as i64, size);
+            (index(low), index(low + 1.0), position - low)
+        };
+        let (left, right, x) = along(across, across.fold(uv.x), self.width);
+        let (top, bottom, y) = along(up, 1.0 - up.fold(uv.y), self.height);
+        let texel =
+            |column: usize, row: usize| value(self.texels[row * self.width as usize + column]);
+        if nearest {
+            return texel(left, top);
+        }
+        let above = texel(left, top).lerp(texel(right, top), x);
+        let below = texel(left, bottom).lerp(texel(right, bottom), x);
+        above.lerp(below, y)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Black, white above red, green.
+    fn picture() -> Texture {
+        let texels = [[0, 0, 0, 255], [255, 255, 255, 255], [255, 0, 0, 255], [0, 255, 0, 255]];
+        Texture::new(2, 2, texels.to_vec())
+    }
+
+    #[test]
+    fn texel_centers_have_their_color_and_v_points_up() {
+        let at = |u, v| picture().color(Vec2::new(u, v));
+        assert_eq!(at(0.25, 0.75), Rgb::ZERO);
+        assert_eq!(at(0.75, 0.75), Rgb::ONE);
+        assert_eq!(at(0.25, 0.25), Rgb::X);
+        assert_eq!(at(0.75, 0.25), Rgb::Y);
+        assert_eq!(at(0.5, 0.75), Rgb::splat(0.5), "halfway in linear light");
+        assert_eq!(at(0.5, 0.5), Rgb::new(0.5, 0.5, 0.25));
+    }
+
+    #[test]
+    fn textures_repeat_outside_their_edges() {
+        for (u, v) in [(0.3, 0.9), (0.0, 0.0), (0.99, 0.5)] {
+            let once = picture().color(Vec2::new(u, v));
+            for shift in [-3.0, 1.0, 7.0] {
+                let again = picture().color(Vec2::new(u + shift, v - shift));
+                assert!((once - again).length() < 1e-4, "{u} {v} {shift}");
+            }
+        }
+        // Rounding stays within the texels.
+        for uv in [Vec2::splat(-1e-20), Vec2::splat(1e15), Vec2::splat(-1e15), Vec2::splat(1.0)] {
+            assert!(picture().color(uv).is_finite());
+        }
+    }
+
+    #[test]
+    fn colors_are_decoded_and_opacity_is_not() {
+        let gray = Texture::new(1, 1, vec![[188, 188, 188, 255]]);
+        assert!((gray.color(Vec2::ZERO).x - 0.503).abs() < 1e-3);
+        assert!((gray.opacity(Vec2::ZERO) - 188.0 / 255.0).abs() < 1e-6);
+        let clear = Texture::new(1, 1, vec![[188, 188, 188, 51]]);
+        assert!((clear.opacity(Vec2::ZERO) - 0.2).abs() < 1e-6);
+    }
+
+    #[test]
+    fn textures_continue_by_their_wrapping() {
+        let at = |wrap, u, v| {
+            picture().sampled(Sampling { wrap: [wrap; 2], nearest: false }).color(Vec2::new(u, v))
+        };
+        for (u, v) in [(0.3, 0.9_f32), (0.05, 0.6), (0.99, 0.5)] {
+            let once = at(Wrap::Repeat, 0.25 + 0.5 * u, v.clamp(0.25, 0.75));
+            for wrap in [Wrap::Mirror, Wrap::Clamp] {
+                let off = at(wrap, 0.25 + 0.5 * u, v.clamp(0.25, 0.75)) - once;
+                assert!(off.length() < 1e-5, "the same within it");
+            }
+            let mirrored = at(Wrap::Mirror, u, v);
+            for (x, y) in [(-u, v), (u, 2.0 - v), (2.0 + u, -v), (4.0 - u, v)] {
+                assert!((at(Wrap::Mirror, x, y) - mirrored).length() < 1e-4, "{x} {y}");
+            }
+        }
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            for x in [1e30, -1e30, f32::INFINITY, f32::NEG_INFINITY, -1e-20] {
+                assert!(at(wrap, x, -x).is_finite(), "{wrap:?} {x}");
+            }
+        }
+        assert_eq!(at(Wrap::Clamp, -7.0, 3.0), Rgb::ZERO);
+        assert_eq!(at(Wrap::Clamp, 7.0, -3.0), Rgb::Y);
+        let nearest = picture().sampled(Sampling { nearest: true, ..Sampling::default() });
+        for (u, v, color) in [
+            (0.01, 0.51, Rgb::ZERO),
+            (0.49, 0.49, Rgb::X),
+            (0.51, 0.99, Rgb::ONE),
+            (1.7, 0.2, Rgb::Y),
+        ] {
+            assert_eq!(nearest.color(Vec2::new(u, v)), color, "{u} {v}");
+        }
+    }
+
+    #[test]
+    fn data_are_read_as_stored() {
+        let texture = Texture::new(1, 1, vec![[0, 51, 255, 255]]);
+        assert!((texture.data(Vec2::ZERO) - Vec3::new(0.0, 0.2, 1.0)).length() < 1e-6);
+        let flat = Texture::new(1, 1, vec![[128, 128, 255, 255]]);
+        assert_eq!(flat.vector(Vec2::splat(0.3)), Vec3::Z);
+    }
+}

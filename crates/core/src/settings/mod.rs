@@ -1,0 +1,110 @@
+//! Settings: everything besides the scene that determines an image, validated.
+
+mod allowed;
+mod checks;
+mod crop;
+mod fixed_array;
+mod length;
+pub mod provenance;
+mod table;
+
+pub use allowed::AllowedLightPaths;
+pub use checks::{
+    ADVICE, DEFAULT_WAVELENGTH_WIDTH, MAX_IMAGE_SIDE, MAX_LIGHT_PATHS, MEDIUM_SCALES, as_serde,
+};
+pub(crate) use checks::{check_camera_paths, check_light_paths, check_whole_sets};
+pub use crop::Crop;
+pub use fixed_array::FixedArray;
+pub use length::Length;
+pub use table::{MIN_SETS, PartialSettings, Settings};
+
+use serde::{Deserialize, Serialize};
+
+/// Technique for light straight from a light source.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Direct {
+    /// A shadow ray from each diffuse vertex of the camera path.
+    #[default]
+    Connect,
+    /// The photon map, as for all other light.
+    PhotonMap,
+}
+
+/// Techniques that sample a path: theory.md, section 4.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Strategy {
+    /// One technique: a merge at vertex `k` (caustics: at all vertices up to `k`), or a connection.
+    #[default]
+    Single,
+    /// Merges at vertices 1 and 2, connections from all vertices and light sources that camera
+    /// paths hit, weighted by the balance heuristic.
+    Mis,
+    /// As [`Self::Mis`], with camera paths that end at vertex 2.
+    CutMis,
+    /// Connections and light sources that camera paths hit: path tracing without light paths.
+    Path,
+}
+
+impl Strategy {
+    /// Tests whether light paths are traced, and their photons merged.
+    pub fn has_photons(self) -> bool {
+        self != Self::Path
+    }
+}
+
+/// Area that the flux of merged photons is divided by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kernel {
+    /// The area of a disc of the merge radius, as in the paper.
+    Disc,
+    /// The area of the surface within the merge radius that could have sent a photon: no bias at
+    /// edges.
+    #[default]
+    Area,
+}
+
+/// Where camera paths merge photons in media that scatter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MediumQuery {
+    /// In balls around the vertices of camera paths: theory.md (37i).
+    Points,
+    /// In cylinders around all of their segments (the beam radiance estimate): theory.md (37m).
+    #[default]
+    Beams,
+}
+
+/// Treatment of the merge bias, which radii above zero cause.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Bias {
+    /// Keep the bias: the image is the mean of the paper's estimator.
+    #[default]
+    Keep,
+    /// Subtract the bias where it exceeds the noise, estimated from half the radii: theory.md,
+    /// section 17a.
+    Reduce,
+}
+
+/// Constants of the MIS weights. They decide about noise only: the mean of the image is the same
+/// for any values. They must not change between iterations of one image, because the law of the
+/// noise holds for fixed weights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MisScales {
+    /// Planned light paths per iteration: theory.md (47c).
+    pub light_paths: u32,
+    /// Scales of merges at the first and at the second vertex: `c_1`, `c_2` of theory.md.
+    pub scales: [f64; 2],
+}
+
+impl MisScales {
+    /// The constants for these counts of an iteration. Merges count less the more camera paths
+    /// share the photons: half of their variance is taken to belong to the photons. The optimum is
+    /// flat. theory.md (47h)
+    pub fn new(light_paths: u32, camera_paths: u32) -> Self {
+        Self { light_paths, scales: [2.0 / (1.0 + f64::from(camera_paths)); 2] }
+    }
+}

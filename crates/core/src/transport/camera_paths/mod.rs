@@ -1,0 +1,497 @@
+//! Camera phase: traces camera paths breadth-first, connects them to the lights and stores their
+//! gather points.
+
+mod aov;
+mod equiangular;
+mod medium;
+mod meter;
+mod mis;
+mod non_diffuse;
+
+pub use aov::PathAov;
+
+use super::gather::{GatherPoints, GatherView};
+use super::light_paths::survival;
+use super::mis::Mis;
+use super::path_queue::{Columns, PathQueue};
+use super::path_state::{History, PathState, PathStates, at_other_surface};
+use crate::accel::{Coherence, HitPacket, Intersect};
+use crate::base::math::Rgb;
+use crate::base::rng::{StreamKey, camera_path_index};
+use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
+use crate::scene::{HitScratch, MediumState, Scene, Surface, View};
+use crate::settings::{Direct, Settings, Strategy};
+use crate::simd::dispatch::{Simd, vectorized};
+use crate::simd::{LANES, Mask, Vec3s, any, lanes_of};
+use bytemuck::{Pod, Zeroable};
+pub use medium::{MediumBeam, MediumPoint};
+use mis::LastVertex;
+use std::array::from_fn;
+use std::mem;
+
+/// Pixel and number of a camera path, which determine its random numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct CameraPathId {
+    /// Column of its pixel.
+    pub x: u32,
+    /// Row of its pixel.
+    pub y: u32,
+    /// Number of the path within its pixel and iteration.
+    pub index: u32,
+}
+
+/// Settings that all camera paths of an iteration share.
+#[derive(Clone, Copy)]
+pub struct CameraPass<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The camera at the image's resolution.
+    pub view: View,
+    /// The scene's triangles.
+    pub accel: &'a dyn Intersect,
+    /// Settings of the image.
+    pub settings: &'a Settings,
+    /// Random streams of the iteration.
+    pub key: StreamKey,
+    /// Vertices before the last one gather, too.
+    pub gather_early: bool,
+}
+
+/// Camera paths that are merged together, traced batch by batch; buffers are reused.
+#[derive(Clone, Debug, Default)]
+pub struct CameraPaths {
+    /// `D_j` of each path: emission seen and light connected, W/(m^2 sr).
+    pub direct: Vec<Rgb>,
+    /// The gather points of one path are in the order of its vertices.
+    pub gather_points: GatherPoints,
+    /// Surfaces of the gather points whose BSDF depends on the directions of photons.
+    pub views: Vec<GatherView>,
+    /// Points in media at which photons are merged.
+    pub medium_points: Vec<MediumPoint>,
+    /// Segments in media along which photons are merged.
+    pub beams: Vec<MediumBeam>,
+    /// Rays traced so far, over all batches.
+    pub rays: u64,
+    /// Index of the first path of the current batch. Some paths of a fisheye camera have no segment
+    /// at all.
+    first_path: usize,
+    segments: PathQueue<PathStates, 16>,
+    /// The next segments, in the order in which they are found.
+    next: PathQueue<PathStates, 16>,
+    hits: Vec<HitPacket>,
+    shadow_rays: PathQueue<Connections, 10>,
+    occluded: Vec<Mask>,
+    mis: Option<Mis>,
+    /// Last vertex of each path, with MIS.
+    last_vertices: Vec<LastVertex>,
+    /// AOVs of each path, if recorded.
+    pub aovs: Vec<PathAov>,
+    records_aovs: bool,
+}
+
+/// Sixteen shadow rays with the contributions of the connections that they test.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C, align(64))]
+struct Connections {
+    /// Points on light sources.
+    origin: Vec3s,
+    /// Vectors to the vertices.
+    direction: Vec3s,
+    /// Paths with the media around their vertices, and [`Connections::CAUSTIC`] or
+    /// [`Connections::METER`].
+    path: [u32; LANES],
+    contribution: Vec3s,
+}
+
+impl Connections {
+    /// Marks connections from rough lobes after the first diffuse vertex: they are part of
+    /// caustics.
+    const CAUSTIC: u32 = 1 << 31;
+    /// Marks connections from meters.
+    const METER: u32 = 1 << 30;
+    /// Start of the media. Below it there is room for 2^24 paths; batches have less than 2^17.
+    const MEDIA_AT: u32 = 24;
+    const PATH: u32 = (1 << Self::MEDIA_AT) - 1;
+
+    /// The path of a vertex in these media.
+    #[inline(always)] // part of a vector loop
+    fn path_in(path: u32, media: MediumState) -> u32 {
+        path | u32::from(media.0) << Self::MEDIA_AT
+    }
+
+    /// The media of [`Self::path_in`].
+    fn media(path: u32) -> MediumState {
+        MediumState((path >> Self::MEDIA_AT) as u8 & (MediumState::COUNT as u8 - 1))
+    }
+}
+
+impl Columns<10> for Connections {
+    /// Shadow rays end a few rounding errors before the vertices. They may start far outside of the
+    /// scene, where coordinates have larger rounding errors than at the vertices: rays that end at
+    /// a vertex may meet its surface.
+    const T_FAR: f32 = 1.0 - 32.0 * f32::EPSILON;
+}
+
+impl CameraPass<'_> {
+    /// Diffuse vertices are connected with light sources.
+    fn connects(&self) -> bool {
+        self.settings.direct == Direct::Connect || self.settings.strategy == Strategy::Path
+    }
+
+    /// Photons are merged at the diffuse vertex of this number.
+    #[inline(always)] // part of a vector loop, as the function below
+    fn gathers_at(&self, vertex: u32) -> bool {
+        let Settings { merge_vertex, strategy, .. } = *self.settings;
+        let gathers = (vertex == merge_vertex) | (self.gather_early & (vertex < merge_vertex));
+        gathers & (strategy != Strategy::Path)
+    }
+
+    /// Paths may go on from lobes that merge at the diffuse vertex of this number.
+    #[inline(always)]
+    fn goes_on_from(&self, vertex: u32) -> bool {
+        let Settings { merge_vertex, strategy, .. } = *self.settings;
+        let is_cut = matches!(strategy, Strategy::Single | Strategy::CutMis);
+        !is_cut | (vertex < merge_vertex)
+    }
+}
+
+impl CameraPaths {
+    /// Camera paths to trace at a time: enough to fill ray packets, few enough to stay in the
+    /// second-level cache.
+    pub const BATCH: usize = 2048;
+
+    /// Removes all paths.
+    pub fn clear(&mut self) {
+        self.direct.clear();
+        self.gather_points.clear();
+        self.views.clear();
+        self.medium_points.clear();
+        self.beams.clear();
+    }
+
+    /// Traces one more batch.
+    pub fn trace(&mut self, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
+        self.mis = Mis::new(pass.settings);
+        vectorized(
+            #[inline(always)]
+            |simd| self.start(simd, pass, paths),
+        );
+        self.start_partials();
+        if self.records_aovs {
+            self.start_aovs();
+        }
+        // Neighboring camera paths stay close up to their first vertex. Those of a meter do not.
+        let mut coherence = match pass.scene.meters() {
+            None => Coherence::Coherent,
+            Some(_) => Coherence::Incoherent,
+        };
+        while self.segments.len() > 0 {
+            self.rays += self.segments.len() as u64;
+            let count = self.segments.len();
+            let rays = vectorized(
+                #[inline(always)]
+                |_| self.segments.rays(),
+            );
+            self.hits.resize(rays.len(), HitPacket::default());
+            pass.accel.intersect(rays, count, &mut self.hits, coherence);
+            if coherence == Coherence::Coherent && pass.scene.has_hidden_materials() {
+                pass.scene.skip_hidden(pass.accel, rays, count, &mut self.hits);
+            }
+            vectorized(
+                #[inline(always)]
+                |simd| self.scatter(simd, pass),
+            );
+            self.add_connections(pass, coherence);
+            coherence = Coherence::Incoherent;
+        }
+    }
+
+    #[inline(always)] // vectorized
+    fn start(&mut self, simd: Simd, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
+        self.segments.clear();
+        self.first_path = self.direct.len();
+        let mut started = self.first_path;
+        let mut paths = paths.fuse();
+        let (origin, weight) = (Vec3s::splat(pass.view.position), Vec3s::splat(Rgb::ONE));
+        let inverse_start = [1.0; LANES];
+        let mut states = PathStates { origin, weight, inverse_start, ..PathStates::default() };
+        loop {
+            let [mut x, mut y] = [[0.0; LANES]; 2];
+            let mut index = [0; LANES];
+            let mut count = 0;
+            for id in paths.by_ref().take(LANES) {
+                let pixel = id.y * pass.settings.width + id.x;
+                index[count] = camera_path_index(pixel, id.index);
+                (x[count], y[count]) = (id.x as f32, id.y as f32);
+                count += 1;
+            }
+            if count == 0 {
+                break;
+            }
+            let first = started;
+            started += count;
+            let mut is_used = std::array::from_fn(|lane| lane < count);
+            for (lane, index) in index.into_iter().enumerate() {
+                states.rng.set(lane, pass.key.rng(index));
+            }
+            let offsets = [states.rng.next_1d(), states.rng.next_1d()];
+            for lane in 0..LANES {
+                x[lane] += offsets[0][lane];
+                y[lane] += offsets[1][lane];
+                states.path[lane] = (first + lane) as u32;
+            }
+            if !pass.view.is_pinhole() || pass.scene.meters().is_some() {
+                for lane in 0..count {
+                    let (_, mut state) = states.get(lane);
+                    let lens = state.rng.next_2d();
+                    let (ray, weight) = pass.scene.camera_ray(&pass.view, x[lane], y[lane], lens);
+                    state.weight = Rgb::splat(weight);
+                    state.inverse_start = weight.recip();
+                    states.set(lane, &ray, &state);
+                    // Nothing is visible outside the image circle of a fisheye.
+                    is_used[lane] = weight > 0.0;
+                    if pass.scene.measures_irradiance() {
+                        self.connect_meter(pass, [x[lane], y[lane]], &mut states, lane);
+                    }
+                }
+            } else {
+                states.direction = pass.view.pinhole_directions(&x, &y);
+            }
+            if pass.scene.media().is_some() {
+                for lane in 0..count {
+                    let (at, origin) = ([x[lane], y[lane]], states.origin.get(lane));
+                    let around = pass.scene.media_at_eye(pass.accel, &pass.view, at, origin);
+                    states.history[lane] = History::default().within(around);
+                }
+            }
+            self.segments.append(simd, &is_used, &states);
+        }
+        self.direct.resize(started, Rgb::ZERO);
+    }
+
+    /// Handles all hits: adds emission, connects, stores gather points, and finds the next
+    /// segments.
+    #[inline(always)] // vectorized
+    fn scatter(&mut self, simd: Simd, pass: &CameraPass) {
+        self.next.clear();
+        let (segments, mut all_hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
+        let (mut states, mut seen, mut at) = <(PathStates, HitScratch, DiffuseVertices)>::default();
+        for (packet, hits) in all_hits.iter_mut().enumerate() {
+            let count = segments.load(packet, &mut states);
+            let mut passed = 0;
+            if let Some(media) = pass.scene.media() {
+                passed = self.travel(pass, media, &mut states, hits, count);
+            }
+            let mut rest =
+                pass.scene.lambertian(simd, &states.direction, hits, count, &mut seen, &mut at);
+            rest.missed &= !passed;
+            if rest.missed != 0 && pass.scene.lights().has_environment() {
+                self.add_environment(pass, &states, rest.missed);
+            }
+            for lane in lanes_of(rest.others) {
+                let (ray, state) = states.get(lane);
+                let scatter =
+                    |surface: &Surface, state: PathState| self.scatter_other(pass, surface, state);
+                if let Some((ray, state)) = at_other_surface(
+                    pass.scene,
+                    &ray,
+                    &hits.get(lane),
+                    &mut at,
+                    lane,
+                    state,
+                    scatter,
+                ) {
+                    self.next.push_state(&ray, &state);
+                }
+            }
+            if self.records_aovs {
+                self.record_diffuse(pass, &at, &states);
+            }
+            self.scatter_diffuse(simd, pass, &at, &mut states);
+        }
+        self.hits = all_hits;
+        self.segments = mem::replace(&mut self.next, segments);
+    }
+
+    /// Connects and gathers at diffuse vertices, and continues the paths before their last vertex.
+    #[inline(always)] // vectorized
+    fn scatter_diffuse(
+        &mut self,
+        simd: Simd,
+        pass: &CameraPass,
+        at: &DiffuseVertices,
+        states: &mut PathStates,
+    ) {
+        if at.any_emits {
+            self.add_emission(pass, at, states);
+        }
+        let mis = self.mis;
+        let earlier = if mis.is_some() { self.earlier_merges(at, states) } else { [0.0; LANES] };
+        let weights = at.weights(&states.weight);
+        if pass.connects() {
+            let lights = pass.scene.lights();
+            let light = lights.connect_all(at, &mut states.rng);
+            // theory.md (42), third line
+            let mut contributions = at.contributions(&weights, &light);
+            if let Some(mis) = &mis {
+                Self::weight_connections(
+                    mis,
+                    lights,
+                    at,
+                    states,
+                    &earlier,
+                    &light,
+                    &mut contributions,
+                );
+            }
+            let path = from_fn(|lane| {
+                Connections::path_in(states.path[lane], states.history[lane].media())
+            });
+            self.queue_shadow_rays(simd, at, &path, &light.target, &contributions);
+        }
+        let (mut gathers, mut goes_on) = <(Mask, Mask)>::default();
+        let mut vertex = [0; LANES];
+        for lane in 0..LANES {
+            states.history[lane] = states.history[lane].scattered();
+            vertex[lane] = states.history[lane].diffuse();
+            gathers[lane] = at.active[lane] & pass.gathers_at(vertex[lane]);
+            goes_on[lane] = at.active[lane] & pass.goes_on_from(vertex[lane]);
+        }
+        if any(&gathers) {
+            self.gather_points.push_diffuse(&gathers, at, &weights, &states.path, &states.history);
+            if let Some(mis) = &mis {
+                self.set_point_partials(mis, at, &vertex, &earlier);
+            }
+        }
+        if !any(&goes_on) {
+            return;
+        }
+        states.origin = at.off_surface;
+        states.direction = at.sample(&mut states.rng);
+        let continues = mis.is_some_and(|mis| mis.continues);
+        let ends = if continues { states.rng.next_1d() } else { [0.0; LANES] };
+        for (lane, goes_on) in goes_on.iter_mut().enumerate() {
+            let albedo = at.albedo.get(lane);
+            // theory.md (43): paths that are cut survive up to their last vertex
+            let survival = if continues & (vertex[lane] > 1) { survival(albedo) } else { 1.0 };
+            *goes_on &= (albedo != Rgb::ZERO) & (ends[lane] < survival);
+            // theory.md (41)
+            states.weight.set(lane, states.weight.get(lane) * (albedo / survival));
+        }
+        if let Some(mis) = &mis {
+            self.leave_diffuse(mis, at, states, &vertex, &earlier, &goes_on);
+        }
+        self.next.append(simd, &goes_on, states);
+    }
+
+    /// Adds the emission of diffuse surfaces.
+    #[inline(never)] // keeps the common case short
+    fn add_emission(&mut self, pass: &CameraPass, at: &DiffuseVertices, states: &PathStates) {
+        for lane in 0..LANES {
+            let diffuse = states.history[lane].diffuse();
+            let counts = self.counts_hit(pass, states.history[lane]);
+            if at.active[lane] && at.front[lane] && counts {
+                let mut emission = at.emission.get(lane);
+                if self.mis.is_some() && emission != Rgb::ZERO {
+                    let facet = TriangleSide { mesh: at.mesh[lane], side: at.side[lane] };
+                    let segment = [at.position.get(lane), states.direction.get(lane)];
+                    emission *= self.emission_weight(
+                        pass.scene,
+                        states.path[lane],
+                        diffuse,
+                        facet,
+                        segment,
+                    );
+                }
+                self.add_hit(
+                    states.path[lane],
+                    states.history[lane],
+                    states.weight.get(lane) * emission,
+                );
+            }
+        }
+    }
+
+    /// Returns true if light sources that paths of this history hit contribute. Those that meters
+    /// see straight are connected. Without MIS, connections and photons contribute those that are
+    /// hit after the first diffuse vertex.
+    fn counts_hit(&self, pass: &CameraPass, history: History) -> bool {
+        let is_connected = history.is_start() && pass.scene.measures_irradiance();
+        (history.diffuse() == 0 || self.mis.is_some()) && !is_connected
+    }
+
+    /// Adds the light source that a path of this history hits.
+    fn add_hit(&mut self, path: u32, history: History, seen: Rgb) {
+        // theory.md (42), first and second line
+        self.direct[path as usize] += seen;
+        if self.records_aovs {
+            self.record_hit(path, history, seen);
+        }
+    }
+
+    /// Queues shadow rays between points on light sources and vertices; `contribution` is added to
+    /// the paths of the rays that nothing blocks.
+    #[inline(always)] // vectorized
+    fn queue_shadow_rays(
+        &mut self,
+        simd: Simd,
+        at: &DiffuseVertices,
+        path: &[u32; LANES],
+        target: &Vec3s,
+        contribution: &Vec3s,
+    ) {
+        let (mut sent, mut direction) = (at.active, Vec3s::default());
+        for (lane, sent) in sent.iter_mut().enumerate() {
+            *sent &= contribution.get(lane) != Rgb::ZERO;
+            direction.set(lane, at.off_surface.get(lane) - target.get(lane));
+        }
+        // From the light source, so that shadow rays to one point of it share their origin.
+        let (origin, path, contribution) = (*target, *path, *contribution);
+        self.shadow_rays.append(
+            simd,
+            &sent,
+            &Connections { origin, direction, path, contribution },
+        );
+    }
+
+    /// Adds the contributions of all connections that nothing blocks.
+    fn add_connections(&mut self, pass: &CameraPass, coherence: Coherence) {
+        let (accel, media) = (pass.accel, pass.scene.media());
+        let count = self.shadow_rays.len();
+        let rays = vectorized(
+            #[inline(always)]
+            |_| self.shadow_rays.rays(),
+        );
+        self.rays += count as u64;
+        self.occluded.resize(rays.len(), Mask::default());
+        accel.occlude(rays, count, &mut self.occluded, coherence);
+        let mut connections = Connections::default();
+        for (packet, occluded) in self.occluded.iter().enumerate() {
+            let count = self.shadow_rays.load(packet, &mut connections);
+            for (lane, occluded) in occluded.iter().enumerate().take(count) {
+                // Adds 0 in the shadow: a branch could not be predicted.
+                let contribution = connections.contribution.get(lane);
+                let mut visible = if *occluded { Rgb::ZERO } else { contribution };
+                let path = connections.path[lane];
+                if let Some(media) = media
+                    && visible != Rgb::ZERO
+                {
+                    let target = connections.origin.get(lane);
+                    let segment = [target + connections.direction.get(lane), target];
+                    let media_at = Connections::media(path);
+                    visible *= media.transmittance(pass.scene, accel, media_at, segment);
+                }
+                let index = (path & Connections::PATH) as usize;
+                self.direct[index] += visible;
+                if self.records_aovs {
+                    let aov = &mut self.aovs[index];
+                    match path & Connections::METER {
+                        0 => aov.add_connection(visible, path & Connections::CAUSTIC != 0),
+                        _ => aov.emission += visible,
+                    }
+                }
+            }
+        }
+        self.shadow_rays.clear();
+    }
+}

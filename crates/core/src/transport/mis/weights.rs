@@ -1,0 +1,454 @@
+//! The equations of the balance heuristic over merges at the first two diffuse vertices,
+//! connections from every vertex and emission that camera paths hit.
+
+use crate::base::math::disc_area;
+use crate::settings::{MisScales, Settings, Strategy};
+use crate::transport::kernel::ByClass;
+use crate::transport::photon::PhotonClass;
+use bytemuck::{Pod, Zeroable};
+
+/// Minimum scale of merges. Quotients stay finite, and the only technique of a path still has the
+/// weight 1.
+const MIN_SCALE: f32 = 1e-12;
+
+/// Constants of the balance heuristic.
+#[derive(Clone, Copy, Debug)]
+pub struct Balance {
+    /// Planned light paths times the area of a merge, scene units squared; 0 without photons.
+    /// theory.md (47c), `eta`.
+    eta: f32,
+    /// Scales of merges of diffuse photons at the first and the second vertex, `c_1` and `c_2`.
+    scales: [f32; 2],
+    /// Scale of merges of caustic photons over the scale of diffuse ones: `(r_c/r)^2`.
+    caustic: f32,
+}
+
+/// MIS partial of a camera path after a vertex: densities of merges at earlier vertices, over the
+/// density with which the path went on. theory.md (47d)
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CameraPartial {
+    /// Merges before the last diffuse vertex, `a`.
+    pub earlier: f32,
+    /// Merges of diffuse photons at the last diffuse vertex, `b`.
+    pub last: f32,
+}
+
+/// MIS partial of a light path after a vertex: densities of techniques at vertices nearer to the
+/// light source, over the density with which the light path went on. theory.md (47e)
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LightPartial {
+    /// Connections and hits, `x`.
+    pub traced: f32,
+    /// Merges at the previous diffuse vertex, `y`, if that is the camera path's second one.
+    pub merged: f32,
+}
+
+/// MIS partials of a photon for merges at the first and at the second vertex of a camera path. A
+/// negative number marks a photon that is not merged there. theory.md (47f)
+pub type PhotonPartials = [f32; 2];
+
+/// MIS partials of a gather point: the terms of the weights of merges there, divided by the scale
+/// of the vertex. theory.md (47f)
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+pub struct GatherPartials {
+    /// Density of merges at the first vertex.
+    pub earlier: f32,
+    /// Density with which the camera path goes on toward the origin of the photon, 1/sr.
+    pub camera: f32,
+}
+
+/// Techniques that end a light path straight at a diffuse or rough vertex of a camera path, as
+/// multiples of the density of emission there. theory.md (47b)
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StraightDensities {
+    /// Density of connections over the density of emission, `1/l`; 0 if there are none.
+    pub connection: f32,
+    /// Density with which the camera path goes on toward the light source.
+    pub camera: f32,
+}
+
+impl Balance {
+    /// The constants of these settings.
+    pub fn new(settings: &Settings) -> Self {
+        if settings.strategy == Strategy::Path {
+            return Self { eta: 0.0, scales: [0.0; 2], caustic: 1.0 };
+        }
+        let MisScales { light_paths, scales } = settings.mis_scales();
+        let eta = light_paths as f32 * disc_area(settings.radius);
+        Self::with(eta, scales.map(|c| c as f32), settings.caustic_radius / settings.radius)
+    }
+
+    /// The constants for scales at both vertices and this quotient of the caustic radius and the
+    /// radius.
+    fn with(eta: f32, scales: [f32; 2], caustic_radius: f32) -> Self {
+        let caustic = (caustic_radius * caustic_radius).max(MIN_SCALE);
+        Self { eta, scales: scales.map(|c| c.max(MIN_SCALE)), caustic }
+    }
+
+    /// Partial of a camera path that leaves its diffuse vertex number `vertex` with the density
+    /// `camera`. `earlier` is the density of merges at earlier vertices. theory.md (47d)
+    #[inline(always)] // part of vector loops, as the functions below
+    pub fn leave(&self, vertex: u32, earlier: f32, camera: f32) -> CameraPartial {
+        let last = self.scales.get(vertex as usize - 1).copied().unwrap_or(0.0);
+        CameraPartial { earlier: earlier / camera, last: last / camera }
+    }
+
+    /// Partial of a light path that starts from a light source. `inverse_emission` is the
+    /// reciprocal of the density of emission, 0 if the light source cannot be hit. theory.md (47e)
+    #[inline(always)]
+    pub fn start(&self, inverse_emission: f32) -> LightPartial {
+        LightPartial { traced: inverse_emission / self.eta, merged: 0.0 }
+    }
+
+    /// Partial of a light path that scatters with the density `light` at a diffuse or rough vertex,
+    /// where it arrived with the partial `arrived`. `merges` is the class of its photon there, if
+    /// that is merged at second vertices. theory.md (47e)
+    #[inline(always)]
+    pub fn scatter(
+        &self,
+        arrived: &LightPartial,
+        techniques: StraightDensities,
+        merges: Option<PhotonClass>,
+        light: f32,
+    ) -> LightPartial {
+        let StraightDensities { connection, camera } = techniques;
+        let traced = camera * arrived.traced + connection / self.eta;
+        let merged = merges.map_or(0.0, |class| self.scales[1] * self.of_class(class));
+        LightPartial { traced: traced / light, merged: merged / light }
+    }
+
+    /// Partials of a photon of a light path that arrives after another vertex.
+    /// theory.md (47f)
+    #[inline(always)]
+    pub fn photon(&self, arrived: &LightPartial, class: PhotonClass) -> PhotonPartials {
+        let inverse = self.of_class(class).recip();
+        [(arrived.traced + arrived.merged) * inverse, arrived.traced * inverse]
+    }
+
+    /// Partials of a photon straight from its light source: merged at first vertices only.
+    #[inline(always)]
+    pub fn straight_photon(&self, arrived: &LightPartial) -> PhotonPartials {
+        [arrived.traced / self.caustic, -1.0]
+    }
+
+    /// Partials of a gather point at diffuse vertex number `vertex`, 1 or 2. `earlier` is the
+    /// density of merges at earlier vertices, `camera` the camera path's density toward the origin
+    /// of the photon. theory.md (47f)
+    #[inline(always)]
+    pub fn gather(&self, vertex: u32, earlier: f32, camera: f32) -> GatherPartials {
+        let inverse = self.scales[(vertex as usize - 1) & 1].recip();
+        GatherPartials { earlier: earlier * inverse, camera: camera * inverse }
+    }
+
+    /// Scale of merges of a class over the scale of merges of diffuse photons.
+    #[inline(always)]
+    pub fn of_class(&self, class: PhotonClass) -> f32 {
+        match class {
+            PhotonClass::Caustic => self.caustic,
+            PhotonClass::Diffuse => 1.0,
+        }
+    }
+
+    /// Reciprocals of [`Self::of_class`].
+    #[inline(always)]
+    pub fn inverse_scales(&self) -> ByClass<f32> {
+        let mut inverse = [1.0; 2];
+        inverse[PhotonClass::Caustic as usize] = self.caustic.recip();
+        inverse
+    }
+
+    /// Density of merges at the vertices of a camera path before a light source that is `chain`
+    /// vertices that pass light away from the last diffuse vertex. Photons straight from a light
+    /// source are not merged at that vertex.
+    #[inline(always)]
+    pub fn caustic_merges(&self, partial: &CameraPartial) -> f32 {
+        partial.earlier + self.caustic * partial.last
+    }
+
+    /// Weight of a connection. `merges` is the density of merges at all vertices of the path, `hit`
+    /// the density of hitting the light source over the density of the connection. theory.md (47g)
+    #[inline(always)]
+    pub fn connection_weight(&self, merges: f32, l: f32, hit: f32) -> f32 {
+        (1.0 + hit + self.eta * l * merges).recip()
+    }
+
+    /// Weight of emission that a camera path hits. `merges` is the density of merges at all
+    /// vertices of the path after division by the density of the hit, `emission` the density of
+    /// emission, and `connection` the density of the connection over the density of the hit.
+    /// theory.md (47i)
+    #[inline(always)]
+    pub fn hit_weight(&self, merges: f32, emission: f32, connection: f32) -> f32 {
+        (1.0 + connection + self.eta * emission * merges).recip()
+    }
+}
+
+impl CameraPartial {
+    /// Density of merges at earlier vertices where the camera path arrives at another diffuse
+    /// vertex. `light` is the light path's density toward the previous vertex.
+    #[inline(always)] // part of vector loops, as the function below
+    pub fn arrive(&self, light: f32) -> f32 {
+        (self.earlier + self.last) * light
+    }
+
+    /// The partial after a vertex passed through, where `ratio` is the density of light paths over
+    /// that of camera paths.
+    #[inline(always)]
+    #[must_use]
+    pub fn pass(self, ratio: f32) -> Self {
+        Self { earlier: self.earlier * ratio, last: self.last * ratio }
+    }
+}
+
+impl LightPartial {
+    /// The partial after a vertex passed through, where `ratio` is the density of light paths over
+    /// that of camera paths.
+    #[inline(always)]
+    #[must_use]
+    pub fn pass(self, ratio: f32) -> Self {
+        Self { traced: self.traced / ratio, merged: self.merged / ratio }
+    }
+}
+
+/// Weight of a merge. `inverse_scale` is the reciprocal of the scale of the photon's class.
+/// theory.md (47f)
+#[inline(always)]
+pub fn merge_weight(point: &GatherPartials, inverse_scale: f32, photon: f32) -> f32 {
+    if photon.is_sign_negative() {
+        return 0.0;
+    }
+    (1.0 + point.earlier * inverse_scale + point.camera * photon).recip()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::rng::{Rng, Stream, StreamKey};
+
+    /// The end of a path at its light source.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    struct Last {
+        /// Segments through other vertices precede the light source.
+        chain: bool,
+        /// The last of these vertices is rough, so that the light source can be connected from it.
+        rough: bool,
+        /// Diffuse vertices connect light straight from the light source.
+        connects: bool,
+        /// Camera paths can hit the light source.
+        hittable: bool,
+    }
+
+    /// A path of `m` diffuse vertices. Densities include the vertices in between that are not
+    /// diffuse.
+    struct Path {
+        /// Density of the camera path from each diffuse vertex to the next one; the last leads
+        /// toward the light source.
+        camera: Vec<f64>,
+        /// Density of the light path from each diffuse vertex but the first to the previous one.
+        light: Vec<f64>,
+        /// Densities of camera and light path through smooth vertices before the light source.
+        smooth: [f64; 2],
+        /// Densities of camera and light path at the rough vertex before the light source.
+        rough: [f64; 2],
+        emission: f64,
+        connection: f64,
+    }
+
+    impl Path {
+        fn random(m: usize, cut: bool, last: Last, rng: &mut Rng) -> Self {
+            let mut some = |count| (0..count).map(|_| anything(rng)).collect::<Vec<_>>();
+            let (mut camera, light) = (some(m), some(m.saturating_sub(1)));
+            if cut {
+                camera.iter_mut().skip(1).for_each(|density| *density = 0.0);
+            }
+            let one_without = |is_there: bool, values: Vec<f64>| {
+                let [camera, light] = values.try_into().unwrap();
+                if is_there { [camera, light] } else { [1.0; 2] }
+            };
+            let smooth = one_without(last.chain, some(2));
+            let rough = one_without(last.chain && last.rough, some(2));
+            let [emission, connection] = some(2).try_into().unwrap();
+            Self { camera, light, smooth, rough, emission, connection }
+        }
+
+        fn is_connected(&self, last: Last) -> bool {
+            if last.chain { last.rough } else { last.connects && !self.camera.is_empty() }
+        }
+    }
+
+    fn anything(rng: &mut Rng) -> f64 {
+        (6.0 * f64::from(rng.next_1d()) - 3.0).exp()
+    }
+
+    /// Densities of all techniques: merges at the first and at the second vertex, connection, and
+    /// hit.
+    fn densities(path: &Path, last: Last, balance: &Balance) -> [f64; 4] {
+        let m = path.camera.len();
+        let merge = |k: usize| {
+            let straight_at_first = m == 1 && !last.chain && !last.connects;
+            let limit = if last.chain || straight_at_first { m } else { m.saturating_sub(1) };
+            if k > limit {
+                return 0.0;
+            }
+            let camera: f64 = path.camera[..k - 1].iter().product();
+            let light: f64 = path.light[k - 1..].iter().product();
+            let arrives = path.emission * path.smooth[1] * path.rough[1];
+            let class = if k == m { balance.caustic } else { 1.0 };
+            let scale = f64::from(balance.eta * balance.scales[k - 1] * class);
+            camera * light * arrives * scale
+        };
+        let all: f64 = path.camera.iter().product();
+        let before: f64 = path.camera[..m.saturating_sub(1)].iter().product();
+        let connection = if last.chain { all * path.smooth[0] } else { before } * path.connection;
+        let hit = all * path.smooth[0] * path.rough[0];
+        [
+            merge(1),
+            merge(2),
+            if path.is_connected(last) { connection } else { 0.0 },
+            if last.hittable { hit } else { 0.0 },
+        ]
+    }
+
+    /// Weights of all techniques from partials, step by step as paths are traced.
+    fn weights(balance: &Balance, path: &Path, last: Last) -> [Option<f64>; 4] {
+        let m = path.camera.len();
+        let [camera, light] = [&path.camera, &path.light]
+            .map(|all| all.iter().map(|&p| p as f32).collect::<Vec<_>>());
+        let [smooth, rough] = [path.smooth, path.rough].map(|both| both.map(|p| p as f32));
+        let (emission, connection) = (path.emission as f32, path.connection as f32);
+        // The light path, to the first vertex.
+        let mut arrived = balance.start(if last.hittable { emission.recip() } else { 0.0 });
+        let mut straight = if path.is_connected(last) { connection / emission } else { 0.0 };
+        if last.chain {
+            if last.rough {
+                let techniques = StraightDensities { connection: straight, camera: rough[0] };
+                arrived = balance.scatter(&arrived, techniques, None, rough[1]);
+            }
+            arrived = arrived.pass(smooth[1] / smooth[0]);
+            straight = 0.0;
+        }
+        let mut photons = [None; 2];
+        for k in (1..=m).rev() {
+            let class = if k == m { PhotonClass::Caustic } else { PhotonClass::Diffuse };
+            let stored = if k < m || last.chain {
+                Some(balance.photon(&arrived, class))
+            } else if !last.connects {
+                Some(balance.straight_photon(&arrived))
+            } else {
+                None
+            };
+            if k <= 2 {
+                photons[k - 1] = stored.map(|photon| (photon, class));
+            }
+            if k > 1 {
+                let techniques = StraightDensities { connection: straight, camera: camera[k - 1] };
+                let merges = (k < m || last.chain).then_some(class);
+                arrived = balance.scatter(&arrived, techniques, merges, light[k - 2]);
+                straight = 0.0;
+            }
+        }
+        // The camera path, from the first vertex.
+        let (mut partial, mut earlier) = (CameraPartial::default(), 0.0);
+        let mut merges = [None; 2];
+        for k in 1..=m {
+            earlier = if k == 1 { 0.0 } else { partial.arrive(light[k - 2]) };
+            if k <= 2
+                && let Some((photon, class)) = photons[k - 1]
+            {
+                let point = balance.gather(k as u32, earlier, camera[k - 1]);
+                let inverse = balance.inverse_scales()[class as usize];
+                merges[k - 1] = Some(f64::from(merge_weight(&point, inverse, photon[k - 1])))
+                    .filter(|weight| *weight > 0.0);
+            }
+            partial = balance.leave(k as u32, earlier, camera[k - 1]);
+        }
+        let own = |merges: f32| {
+            let goes_on = if last.chain { Some(rough[0]) } else { camera.last().copied() };
+            let hit = goes_on.filter(|_| last.hittable).unwrap_or(0.0);
+            let weight = balance.connection_weight(merges, emission / connection, hit / connection);
+            path.is_connected(last).then(|| f64::from(weight))
+        };
+        let (connected, merges_at_hit) = if last.chain {
+            let partial = partial.pass(smooth[1] / smooth[0]);
+            let connected = own(balance.caustic_merges(&partial) * rough[1]);
+            (connected, balance.caustic_merges(&partial.pass(rough[1] / rough[0])))
+        } else {
+            let at_first = m == 1 && !last.connects;
+            let merges = if at_first { balance.caustic_merges(&partial) } else { partial.earlier };
+            (own(earlier), merges)
+        };
+        let hits_from = if last.chain { rough[0] } else { camera.last().copied().unwrap_or(1.0) };
+        let connection = if path.is_connected(last) { connection / hits_from } else { 0.0 };
+        let hit = balance.hit_weight(merges_at_hit, emission, connection);
+        [merges[0], merges[1], connected, last.hittable.then(|| f64::from(hit))]
+    }
+
+    fn all_lasts() -> Vec<Last> {
+        (0..16)
+            .map(|bits| {
+                let [chain, rough, connects, hittable] = [1, 2, 4, 8].map(|bit| bits & bit > 0);
+                Last { chain, rough: rough && chain, connects, hittable }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn weights_match_the_balance_heuristic_of_all_techniques() {
+        let mut rng = StreamKey::new(1, Stream::Test, 0).rng(0);
+        let (mut worst, mut shared) = (0.0, 0);
+        for round in 0..3000 {
+            let scales = [(); 2].map(|()| anything(&mut rng) as f32);
+            let (eta, caustic) = (anything(&mut rng) as f32, anything(&mut rng) as f32);
+            let balance = Balance::with(eta, scales, caustic);
+            for last in all_lasts() {
+                let (m, cut) = (round % 7, round % 2 == 0);
+                let path = Path::random(m, cut, last, &mut rng);
+                let densities = densities(&path, last, &balance);
+                let total: f64 = densities.iter().sum();
+                let weights = weights(&balance, &path, last);
+                let sampled = densities.map(|density| density > 0.0);
+                let mut sum = 0.0;
+                for ((density, weight), sampled) in densities.into_iter().zip(weights).zip(sampled)
+                {
+                    if sampled {
+                        let weight = weight.expect("sampled");
+                        worst = f64::max(worst, (weight - density / total).abs());
+                        sum += weight;
+                    }
+                }
+                shared += u32::from(sampled.into_iter().filter(|&is| is).count() > 1);
+                if total > 0.0 {
+                    assert!((sum - 1.0).abs() < 3e-6, "{m} {cut} {last:?}: {sum}");
+                }
+            }
+        }
+        assert!(worst < 2e-6, "{worst}");
+        assert!(shared > 20_000, "{shared}");
+    }
+
+    #[test]
+    fn weights_without_merges_are_those_of_a_path_tracer() {
+        let balance = Balance::with(3.0, [0.0; 2], 1.0);
+        let mut rng = StreamKey::new(2, Stream::Test, 0).rng(0);
+        for m in 1..6 {
+            let last = Last { chain: false, rough: false, connects: true, hittable: true };
+            let path = Path::random(m, false, last, &mut rng);
+            let [first, second, connection, hit] = weights(&balance, &path, last);
+            let camera = path.camera.last().unwrap();
+            let expected = path.connection / (path.connection + camera);
+            assert!((connection.unwrap() - expected).abs() < 1e-6);
+            assert!((hit.unwrap() - (1.0 - expected)).abs() < 1e-6);
+            assert!(first.unwrap_or(0.0) + second.unwrap_or(0.0) < 1e-6);
+        }
+    }
+
+    #[test]
+    fn only_technique_of_a_path_weighs_1_even_without_merges() {
+        let balance = Balance::with(3.0, [0.0; 2], 1.0);
+        let mut rng = StreamKey::new(3, Stream::Test, 0).rng(0);
+        // A caustic of a light source that cannot be hit.
+        let last = Last { chain: true, rough: false, connects: true, hittable: false };
+        let path = Path::random(1, false, last, &mut rng);
+        assert_eq!(weights(&balance, &path, last)[0], Some(1.0));
+    }
+}

@@ -1,0 +1,250 @@
+//! States of paths that are being traced, of either kind: sixteen side by side, or one.
+
+use super::path_queue::{Columns, PathQueue};
+use crate::accel::{Hit, Ray};
+use crate::base::math::Rgb;
+use crate::base::rng::Rng;
+use crate::base::spectrum::Wavelength;
+use crate::scene::diffuse::DiffuseVertices;
+use crate::scene::{MediumState, Scene, Surface};
+use crate::simd::{LANES, Rngs, Vec3s};
+use bytemuck::{Pod, Zeroable};
+
+/// States of sixteen paths.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C, align(64))]
+pub(super) struct PathStates {
+    /// Origins of the next rays.
+    pub origin: Vec3s,
+    /// Unit directions of the next rays.
+    pub direction: Vec3s,
+    pub rng: Rngs,
+    /// Flux of light paths, W, or throughput of camera paths.
+    pub weight: Vec3s,
+    /// Reciprocals of the largest channel of the weight at the start, for camera paths.
+    pub inverse_start: [f32; LANES],
+    /// Numbers of the paths.
+    pub path: [u32; LANES],
+    /// Numbers of vertices so far, and wavelengths.
+    pub history: [History; LANES],
+}
+
+impl Columns<16> for PathStates {
+    const T_FAR: f32 = f32::INFINITY;
+}
+
+/// What a path has met so far, in one word. From the lowest bit:
+///
+/// | bits | content |
+/// |---|---|
+/// | 10 | number of vertices at which it scattered diffusely |
+/// | 6 | number of vertices through which it passed, at most 63 |
+/// | 6 | the media around it, a [`MediumState`] |
+/// | 10 | index of its wavelength, 0 for none |
+///
+/// Paths end by roulette long before 1,023 diffuse vertices, the most that are counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(transparent)]
+pub(crate) struct History(u32);
+
+impl History {
+    /// Bits for the diffuse vertices.
+    const DIFFUSE: u32 = (1 << 10) - 1;
+    /// Start and largest number of the vertices that the path passed through.
+    const PASSED_AT: u32 = 10;
+    const PASSED: u32 = (1 << 6) - 1;
+    /// Start of the media.
+    const MEDIA_AT: u32 = 16;
+    const MEDIA: u32 = MediumState::COUNT as u32 - 1;
+    /// Start of the wavelength.
+    const WAVELENGTH_AT: u32 = 22;
+    /// Bits of both numbers.
+    const VERTICES: u32 = (1 << Self::MEDIA_AT) - 1;
+
+    /// A path of this wavelength at its diffuse vertex of this number, at most 1023.
+    pub fn at_vertex(vertex: u32, wavelength: Option<Wavelength>) -> Self {
+        Self(vertex.min(Self::DIFFUSE)).with_wavelength(wavelength)
+    }
+
+    /// Vertices at which the path scattered diffusely, in media or at surfaces.
+    #[inline(always)] // part of vector loops, as the functions below
+    pub fn diffuse(self) -> u32 {
+        self.0 & Self::DIFFUSE
+    }
+
+    /// Vertices through which the path passed, at most 63.
+    #[inline(always)]
+    pub fn passed(self) -> u32 {
+        self.0 >> Self::PASSED_AT & Self::PASSED
+    }
+
+    /// Adds a diffuse vertex.
+    #[inline(always)]
+    #[must_use]
+    pub fn scattered(self) -> Self {
+        Self(self.0 + u32::from(self.diffuse() < Self::DIFFUSE))
+    }
+
+    /// Adds a vertex passed through.
+    #[must_use]
+    pub fn passed_through(self) -> Self {
+        Self(self.0 + (u32::from(self.passed() < Self::PASSED) << Self::PASSED_AT))
+    }
+
+    /// Returns true if there is no vertex of either kind.
+    #[inline(always)]
+    pub fn is_start(self) -> bool {
+        self.0 & Self::VERTICES == 0
+    }
+
+    /// The media around the path.
+    #[inline(always)]
+    pub fn media(self) -> MediumState {
+        MediumState((self.0 >> Self::MEDIA_AT & Self::MEDIA) as u8)
+    }
+
+    /// Replaces the media around the path.
+    #[must_use]
+    pub fn within(self, media: MediumState) -> Self {
+        let others = self.0 & !(Self::MEDIA << Self::MEDIA_AT);
+        Self(others | u32::from(media.0) << Self::MEDIA_AT)
+    }
+
+    /// Index of the wavelength; 0 for none.
+    #[inline(always)]
+    pub fn wavelength_index(self) -> u32 {
+        self.0 >> Self::WAVELENGTH_AT
+    }
+
+    /// The wavelength; `None` for paths of all wavelengths.
+    pub fn wavelength(self) -> Option<Wavelength> {
+        Wavelength::from_index(self.wavelength_index())
+    }
+
+    /// Sets the wavelength.
+    #[must_use]
+    pub fn with_wavelength(self, wavelength: Option<Wavelength>) -> Self {
+        let index = wavelength.map_or(0, Wavelength::index);
+        let others = self.0 & ((1 << Self::WAVELENGTH_AT) - 1);
+        Self(others | index << Self::WAVELENGTH_AT)
+    }
+}
+
+/// State of one path without its ray; see [`PathStates`].
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PathState {
+    pub rng: Rng,
+    pub weight: Rgb,
+    pub inverse_start: f32,
+    pub path: u32,
+    pub history: History,
+}
+
+impl PathStates {
+    pub fn get(&self, lane: usize) -> (Ray, PathState) {
+        let ray = Ray::new(self.origin.get(lane), self.direction.get(lane));
+        let state = PathState {
+            rng: self.rng.get(lane),
+            weight: self.weight.get(lane),
+            inverse_start: self.inverse_start[lane],
+            path: self.path[lane],
+            history: self.history[lane],
+        };
+        (ray, state)
+    }
+
+    pub fn set(&mut self, lane: usize, ray: &Ray, state: &PathState) {
+        self.origin.set(lane, ray.origin);
+        self.direction.set(lane, ray.direction);
+        self.rng.set(lane, state.rng);
+        self.weight.set(lane, state.weight);
+        self.inverse_start[lane] = state.inverse_start;
+        self.path[lane] = state.path;
+        self.history[lane] = state.history;
+    }
+}
+
+impl PathQueue<PathStates, 16> {
+    /// Adds one path.
+    pub fn push_state(&mut self, ray: &Ray, state: &PathState) {
+        let mut one = PathStates::default();
+        one.set(0, ray, state);
+        self.push(&one);
+    }
+}
+
+/// Handles a hit that [`Scene::lambertian`] leaves out. A surface that is Lambertian here sets its
+/// lane of `at`. At any other surface the path continues as `scatter` returns, with a wavelength if
+/// the surface is dispersive.
+#[inline(never)] // keeps the loops over Lambertian vertices short
+pub(super) fn at_other_surface(
+    scene: &Scene,
+    ray: &Ray,
+    hit: &Hit,
+    at: &mut DiffuseVertices,
+    lane: usize,
+    mut state: PathState,
+    scatter: impl FnOnce(&Surface, PathState) -> Option<(Ray, PathState)>,
+) -> Option<(Ray, PathState)> {
+    let mut surface = scene.surface(ray, hit);
+    match surface.diffuse() {
+        Some(point) => {
+            at.set(lane, &point);
+            None
+        }
+        None => {
+            if surface.material.dispersion.is_some() {
+                let mut wavelength = state.history.wavelength();
+                state.weight *= surface.disperse(&mut wavelength, &mut state.rng);
+                state.history = state.history.with_wavelength(wavelength);
+            }
+            scatter(&surface, state)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn history_counts_both_kinds_of_vertices_and_keeps_the_media() {
+        let mut history = History::default().within(MediumState(41));
+        assert!(history.is_start());
+        for _ in 0..300 {
+            history = history.scattered();
+        }
+        let history = history.passed_through().passed_through();
+        assert_eq!((history.diffuse(), history.passed(), history.is_start()), (300, 2, false));
+        assert_eq!(history.media(), MediumState(41));
+        assert_eq!(history.within(MediumState(63)).media(), MediumState(63));
+        assert_eq!(history.within(MediumState(63)).diffuse(), 300);
+    }
+
+    #[test]
+    fn full_counts_stay() {
+        let mut history = History::default().within(MediumState(9));
+        for _ in 0..2000 {
+            history = history.scattered().passed_through();
+        }
+        assert_eq!(
+            (history.diffuse(), history.passed(), history.media()),
+            (1023, 63, MediumState(9))
+        );
+    }
+
+    #[test]
+    fn parts_of_a_history_do_not_touch_each_other() {
+        let wavelength = Wavelength::from_index(1023);
+        let mut history = History::default().with_wavelength(wavelength);
+        assert!(history.is_start());
+        for _ in 0..2000 {
+            history = history.scattered().passed_through();
+        }
+        assert_eq!((history.diffuse(), history.passed()), (1023, 63));
+        assert_eq!(history.wavelength(), wavelength);
+        let other = history.with_wavelength(Wavelength::from_index(1));
+        assert_eq!((other.diffuse(), other.passed(), other.wavelength_index()), (1023, 63, 1));
+        assert_eq!(other.with_wavelength(None).wavelength(), None);
+    }
+}

@@ -1,0 +1,267 @@
+//! Environments: maps of radiance, and the default environment of scenes without light.
+
+use super::text::{decoded, open, read_bytes};
+use super::warnings::Warning;
+use bdpm_core::base::error::{Error, Result};
+use bdpm_core::base::math::Rgb;
+use bdpm_core::image_io::{Metadata, Primaries, converted, read_exr_display};
+use bdpm_core::scene::{Environment, Inset, InsetGrid};
+use glam::DMat3;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// An environment that the user requests.
+#[derive(Clone, Debug, PartialEq)]
+pub enum EnvironmentSource {
+    /// A constant radiance from all directions, W/(m^2 sr).
+    Radiance(Rgb),
+    /// An `.exr` or `.hdr` file in longitude and latitude.
+    File(PathBuf),
+}
+
+impl FromStr for EnvironmentSource {
+    type Err = Error;
+
+    /// Parses one number, three numbers (red, green, blue) separated by commas, or else a file
+    /// name.
+    fn from_str(text: &str) -> Result<Self> {
+        let numbers: Option<Vec<f32>> =
+            text.split(',').map(|word| word.trim().parse().ok()).collect();
+        let radiance = match numbers.as_deref() {
+            None => return Ok(Self::File(text.into())),
+            Some(&[grey]) => Rgb::splat(grey),
+            Some(&[r, g, b]) => Rgb::new(r, g, b),
+            Some(_) => Rgb::NAN,
+        };
+        if radiance.is_finite() && radiance.min_element() >= 0.0 {
+            return Ok(Self::Radiance(radiance));
+        }
+        let problem = format!("`{text}` is not a radiance");
+        Err(Error::new(problem, "give a number of at least 0, or three such as 0.8,0.9,1"))
+    }
+}
+
+impl EnvironmentSource {
+    /// Reads the environment. Warnings report corrected pixels.
+    ///
+    /// # Errors
+    /// If its file cannot be read.
+    pub(super) fn environment(&self, warnings: &mut Vec<Warning>) -> Result<Environment> {
+        match self {
+            Self::Radiance(radiance) => Ok(Environment::new(1, 1, vec![*radiance], 0.0)),
+            Self::File(path) => from_file(path, Rgb::ONE, 0.0, None, warnings),
+        }
+    }
+}
+
+/// The environment in a file, times `scale` and turned by `turn_deg` degrees. Another file may be
+/// an inset in place of a rectangle of pixels: its first column, first row, columns and rows.
+/// Radiances that are negative or not finite become 0, with a warning.
+///
+/// # Errors
+/// If a file cannot be read, or the inset is not within the map.
+pub(super) fn from_file(
+    path: &Path,
+    scale: Rgb,
+    turn_deg: f32,
+    inset: Option<(PathBuf, [u32; 4])>,
+    warnings: &mut Vec<Warning>,
+) -> Result<Environment> {
+    let (width, height, pixels) = scaled(path, scale, warnings)?;
+    let Some((file, [column, row, columns, rows])) = inset else {
+        return Ok(Environment::new(width, height, pixels, turn_deg));
+    };
+    let (inset_width, inset_height, radiance) = scaled(&file, scale, warnings)?;
+    let (replaced, size) = ([columns, rows], [inset_width, inset_height]);
+    let grid = InsetGrid { first: [column, row], replaced, size };
+    if !grid.fits([width, height]) {
+        let problem = format!("the inset is not within the map of {width} by {height} pixels");
+        return Err(Error::new(problem, "give [column, row, columns, rows] within it"));
+    }
+    let inset = Some(Inset { grid, radiance });
+    Ok(Environment::with_inset(width, height, pixels, turn_deg, inset))
+}
+
+/// Pixels of a file times `scale`. Radiances that are negative or not finite become 0, with a
+/// warning.
+fn scaled(path: &Path, scale: Rgb, warnings: &mut Vec<Warning>) -> Result<(u32, u32, Vec<Rgb>)> {
+    let (width, height, mut pixels) = read(path)?;
+    let invalid = scale_pixels(&mut pixels, scale);
+    if let Some(first) = invalid.first() {
+        let (x, y) = (*first as u32 % width, *first as u32 / width);
+        let (path, count) = (path.display(), invalid.len());
+        let text = format!(
+            "{path}: {count} pixels are negative or not finite, the first at ({x}, {y}), and became 0"
+        );
+        warnings.push(Warning::skipped(text));
+    }
+    Ok((width, height, pixels))
+}
+
+/// Multiplies radiances by `scale`. Those that are negative or not finite become 0; returns their
+/// indices.
+pub(super) fn scale_pixels(pixels: &mut [Rgb], scale: Rgb) -> Vec<usize> {
+    let mut invalid = Vec::new();
+    for (index, pixel) in pixels.iter_mut().enumerate() {
+        *pixel *= scale;
+        if !(pixel.is_finite() && pixel.min_element() >= 0.0) {
+            *pixel = Rgb::ZERO;
+            invalid.push(index);
+        }
+    }
+    invalid
+}
+
+/// Mean radiance of [`soft`], W/(m^2 sr).
+const SOFT_MEAN: f32 = 0.6;
+/// Difference between the radiance toward +y and the mean, W/(m^2 sr).
+const SOFT_RISE: f32 = 0.6;
+/// Rows of its map: more than the eye distinguishes in a preview.
+const SOFT_ROWS: u32 = 256;
+
+/// Minimum and maximum radiance of [`soft`], W/(m^2 sr), for a white surface of radiance 1.
+pub(super) const SOFT: [f32; 2] = [SOFT_MEAN - SOFT_RISE, SOFT_MEAN + SOFT_RISE];
+
+/// A gray environment that is brighter from above (+y): its radiance is `0.6 (1 + y)` times that of
+/// a `white` surface that faces up, W/(m^2 sr). The cosine-weighted mean of `y` over such a surface
+/// is 2/3.
+pub(super) fn soft(white: f32) -> Environment {
+    let row = |row: u32| {
+        let latitude = std::f32::consts::PI * (row as f32 + 0.5) / SOFT_ROWS as f32;
+        Rgb::splat(white * (SOFT_MEAN + SOFT_RISE * latitude.cos()))
+    };
+    Environment::new(1, SOFT_ROWS, (0..SOFT_ROWS).map(row).collect(), 0.0)
+}
+
+/// An image of radiances.
+pub struct RadianceImage {
+    /// Width and height, pixels.
+    pub size: (u32, u32),
+    /// Radiance, W/(m^2 sr), row by row from the top left.
+    pub pixels: Vec<Rgb>,
+    /// Metadata of this program; empty for `.hdr` files and files of other programs.
+    pub metadata: Metadata,
+}
+
+/// Pixels of an image of radiances.
+pub(super) fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
+    let RadianceImage { size: (width, height), pixels, .. } = read_radiance(path)?;
+    Ok((width, height, pixels))
+}
+
+/// Reads an `.exr` or `.hdr` file.
+///
+/// # Errors
+/// If the file cannot be read, or has no colors; names it.
+pub fn read_radiance(path: &Path) -> Result<RadianceImage> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    match &extension[..] {
+        "exr" => {
+            open(path)?; // refuses devices that never end
+            let image = read_exr_display(path)?;
+            let pixels = image.layer("").and_then(|layer| layer.to_rgb()).ok_or_else(|| {
+                Error::new("the image has no channels R, G and B", "give a color image").at(path)
+            })?;
+            let size = (image.width, image.height);
+            Ok(RadianceImage { size, pixels, metadata: image.metadata })
+        }
+        "hdr" => {
+            let (width, height, pixels) = read_hdr(path)?;
+            Ok(RadianceImage { size: (width, height), pixels, metadata: Metadata::new() })
+        }
+        _ => {
+            let problem = "the image is neither an .exr nor an .hdr file";
+            Err(Error::new(problem, "convert it to one of these").at(path))
+        }
+    }
+}
+
+fn read_hdr(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
+    let broken = |problem: String| {
+        Error::new(format!("cannot read it as an HDR image: {problem}"), "give an .hdr file")
+            .at(path)
+    };
+    let bytes = read_bytes(path, u64::MAX)?;
+    let header = hdr_header(&bytes);
+    let mut decoder =
+        zune_hdr::HdrDecoder::new(zune_hdr::zune_core::bytestream::ZCursor::new(bytes));
+    let values = decoder.decode().map_err(|e| broken(format!("{e:?}")))?;
+    let (width, height) = decoder.dimensions().ok_or_else(|| broken("it has no size".into()))?;
+    let mut pixels = values.chunks_exact(3).map(Rgb::from_slice).collect::<Vec<_>>();
+    if pixels.is_empty() || pixels.len() != width * height {
+        return Err(broken("its pixels are incomplete".into()));
+    }
+    let (factor, map) = header;
+    if factor != Rgb::ONE || map.is_some() {
+        let map = map.unwrap_or(DMat3::IDENTITY);
+        pixels.iter_mut().for_each(|pixel| *pixel = converted(map, factor * *pixel));
+    }
+    Ok((width as u32, height as u32, pixels))
+}
+
+/// The factor of the pixels of an HDR image, and the map of their primaries to Rec. 709. `EXPOSURE`
+/// and `COLORCORR` are factors that a program has multiplied with, as the manual of Radiance says.
+/// Those that are not positive numbers have no effect.
+fn hdr_header(bytes: &[u8]) -> (Rgb, Option<DMat3>) {
+    /// Maximum length of a header, bytes.
+    const MAX_HEADER: usize = 1 << 16;
+    let header = decoded(&bytes[..bytes.len().min(MAX_HEADER)]);
+    let (mut factor, mut map) = (Rgb::ONE, None);
+    for line in header.lines().take_while(|line| !line.trim().is_empty()) {
+        let Some((key, value)) = line.split_once('=') else { continue };
+        let numbers = value.split_whitespace().map(|word| word.parse::<f64>());
+        let Ok(numbers) = numbers.collect::<std::result::Result<Vec<f64>, _>>() else { continue };
+        let is_factor = numbers.iter().all(|number| (1e-30..1e30).contains(number));
+        match (key.trim(), &numbers[..]) {
+            ("EXPOSURE", [exposure]) if is_factor => factor /= *exposure as f32,
+            ("COLORCORR", [r, g, b]) if is_factor => {
+                factor /= Rgb::new(*r as f32, *g as f32, *b as f32);
+            }
+            ("PRIMARIES", &[a, b, c, d, e, f, g, h]) => {
+                map = Primaries { xy: [[a, b], [c, d], [e, f], [g, h]] }.to_rec_709();
+            }
+            _ => {}
+        }
+    }
+    (factor, map)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f32::consts::PI;
+
+    #[test]
+    fn radiances_parse_as_numbers_and_other_text_as_file_names() {
+        let read = |text: &str| text.parse::<EnvironmentSource>();
+        assert_eq!(read("0.5").unwrap(), EnvironmentSource::Radiance(Rgb::splat(0.5)));
+        let color = Rgb::new(0.8, 0.9, 1.0);
+        assert_eq!(read("0.8, 0.9,1").unwrap(), EnvironmentSource::Radiance(color));
+        assert_eq!(read("sky.exr").unwrap(), EnvironmentSource::File("sky.exr".into()));
+        for bad in ["-1", "1,2", "nan", "inf", "1,1,-1"] {
+            let problem = read(bad).unwrap_err().to_string();
+            assert!(problem.contains("is not a radiance"), "{problem}");
+        }
+    }
+
+    #[test]
+    fn white_surfaces_in_soft_light_have_the_expected_radiance() {
+        // Surfaces facing up, sideways and down: mean radiance plus 2/3 of the rise times the
+        // normal's height.
+        let map = soft(1.0);
+        let n = 400;
+        for (y, expected) in [(1.0, 1.0), (0.0, SOFT_MEAN), (-1.0, 0.2)] {
+            let normal = glam::Vec3::new((1.0_f32 - y * y).sqrt(), y, 0.0);
+            let mut sum = 0.0;
+            for i in 0..n * n {
+                let height = 2.0 * ((i / n) as f32 + 0.5) / n as f32 - 1.0;
+                let (sin, cos) = (2.0 * PI * ((i % n) as f32 + 0.5) / n as f32).sin_cos();
+                let across = (1.0 - height * height).sqrt();
+                let wi = glam::Vec3::new(across * cos, height, across * sin);
+                sum += f64::from(map.radiance(wi).x * wi.dot(normal).max(0.0));
+            }
+            let radiance = sum / f64::from(n * n) * 4.0;
+            assert!((radiance - f64::from(expected)).abs() < 3e-3, "{y}: {radiance}");
+        }
+    }
+}

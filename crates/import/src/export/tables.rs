@@ -1,0 +1,225 @@
+//! The tables of a scene file besides meshes and materials.
+
+use super::numbers::{color, inverse, number, point, unnormalized};
+use crate::warnings::Warning;
+use bdpm_core::base::error::{Error, Result};
+use bdpm_core::base::names::for_line;
+use bdpm_core::scene::transform::MAX_COORDINATE;
+use bdpm_core::scene::{
+    Camera, Emitter, Environment, Extent, FieldOfView, MeterKind, MeterSet, Optics, Region, Spot,
+};
+use bdpm_core::settings::PartialSettings;
+use glam::Vec3;
+use std::fmt::Write;
+
+/// File of the environment.
+pub(super) const ENVIRONMENT: &str = "environment.exr";
+
+/// File of its inset.
+pub(super) const INSET: &str = "environment-inset.exr";
+
+/// A comment about the source of the scene.
+pub(super) fn head(origin: &str) -> String {
+    let version = env!("CARGO_PKG_VERSION");
+    format!("# Converted from `{}` by bdpm {version}.\n", for_line(origin, "a scene"))
+}
+
+pub(super) fn camera(camera: &Camera) -> String {
+    let [direction, up] = camera.aim().map(within_bounds);
+    let (kind, optics) = match camera.optics() {
+        Optics::Pinhole(angle) => ("pinhole", field_of_view(angle)),
+        Optics::ThinLens { field_of_view: angle, aperture_radius, focus_distance } => {
+            let (radius, distance) = (number(aperture_radius), number(focus_distance));
+            let angle = field_of_view(angle);
+            let lens = format!("aperture_radius = {radius}\nfocus_distance = {distance}\n");
+            ("thin-lens", angle + &lens)
+        }
+        Optics::Sensor { width, disc_distance, disc_radius, exposure } => {
+            let [width, distance] = [width, disc_distance].map(number);
+            let [radius, exposure] = [disc_radius, exposure].map(number);
+            let sensor = format!(
+                "sensor_width = {width}\ndisc_distance = {distance}\ndisc_radius = {radius}\n\
+                 exposure = {exposure}\n"
+            );
+            ("sensor", sensor)
+        }
+        Optics::Orthographic(Extent::X(across)) => {
+            ("orthographic", format!("width = {}\n", number(across)))
+        }
+        Optics::Orthographic(Extent::Y(across)) => {
+            ("orthographic", format!("height = {}\n", number(across)))
+        }
+        Optics::Panorama => ("panorama", String::new()),
+        Optics::Fisheye { projection, field_of_view } => {
+            let (projection, angle) = (projection.name(), number(field_of_view));
+            ("fisheye", format!("projection = \"{projection}\"\nfov_deg = {angle}\n"))
+        }
+    };
+    let shift = match camera.shift() {
+        [0.0, 0.0] => String::new(),
+        [right, up] => format!("shift = [{}, {}]\n", number(right), number(up)),
+    };
+    format!(
+        "\n[camera]\ntype = \"{kind}\"\nposition = {}\ndirection = {}\nup = {}\n{optics}{shift}",
+        point(camera.position()),
+        point(direction),
+        point(up)
+    )
+}
+
+fn field_of_view(angle: FieldOfView) -> String {
+    match angle {
+        FieldOfView::X(degrees) => format!("fov_x_deg = {}\n", number(degrees)),
+        FieldOfView::Y(degrees) => format!("fov_y_deg = {}\n", number(degrees)),
+    }
+}
+
+/// The vector, halved until its coordinates are valid in a file. Halving is exact.
+fn within_bounds(mut vector: Vec3) -> Vec3 {
+    while vector.abs().max_element() > MAX_COORDINATE {
+        vector *= 0.5;
+    }
+    vector
+}
+
+pub(super) fn ray_offset(distance: Option<f32>) -> String {
+    distance.map_or_else(String::new, |distance| format!("ray_offset = {}\n", number(distance)))
+}
+
+pub(super) fn render(defaults: &PartialSettings) -> Result<String> {
+    let text = toml::to_string(defaults).map_err(|e| {
+        let problem = format!("the settings of rendering cannot be written: {e}");
+        Error::new(problem, "use a seed below 2^63")
+    })?;
+    Ok(if text.is_empty() { text } else { format!("\n[render]\n{text}") })
+}
+
+pub(super) fn regions(regions: &[Region]) -> String {
+    let mut text = String::new();
+    for Region { name, rectangles } in regions {
+        let sides = |[x0, y0, x1, y1]: &[f64; 4]| format!("[{x0:?}, {y0:?}, {x1:?}, {y1:?}]");
+        let rectangles: Vec<_> = rectangles.iter().map(sides).collect();
+        let name = toml::Value::String(name.clone());
+        let _ = writeln!(text, "{name} = [{}]", rectangles.join(", "));
+    }
+    if text.is_empty() { text } else { format!("\n[regions]\n{text}") }
+}
+
+/// `[[meter]]` tables.
+pub(super) fn meters(sets: &[MeterSet]) -> String {
+    let mut text = String::new();
+    for MeterSet { name, kind, grid, frame, meters } in sets {
+        let Some(meter) = meters.first() else { continue };
+        let axis = point(unnormalized(meter.normal));
+        let name = toml::Value::String(name.clone());
+        let keys = match (frame, kind) {
+            (Some([corner, first, second]), _) => format!(
+                "corner = {}\nedges = [{}, {}]\ncolumns = {}\nrows = {}\nnormal = {axis}\n",
+                point(*corner),
+                point(*first),
+                point(*second),
+                grid[0],
+                grid[1]
+            ),
+            (None, MeterKind::Irradiance) => {
+                format!("position = {}\nnormal = {axis}\n", point(meter.position))
+            }
+            (None, MeterKind::Radiance) => {
+                let half = meter.half_angle;
+                let guess = 2.0 * half.to_degrees();
+                let opening = inverse(half, guess, |degrees| (0.5 * degrees).to_radians());
+                format!(
+                    "position = {}\ndirection = {axis}\nopening_deg = {}\n",
+                    point(meter.position),
+                    number(opening.unwrap_or(guess))
+                )
+            }
+        };
+        let _ = write!(text, "\n[[meter]]\nname = {name}\n{keys}");
+    }
+    text
+}
+
+/// Whether the environment is constant, so that it needs no file.
+pub(super) fn is_plain(environment: &Environment) -> bool {
+    environment.size() == [1, 1] && environment.turn() == 0.0
+}
+
+pub(super) fn environment(environment: &Environment) -> String {
+    if let (true, Some(radiance)) = (is_plain(environment), environment.pixels().next()) {
+        return format!("\n[environment]\nradiance = {}\n", color(radiance));
+    }
+    let turn = environment.turn();
+    let degrees = inverse(turn, turn * 360.0, |degrees| degrees / 360.0).unwrap_or(turn * 360.0);
+    let mut text =
+        format!("\n[environment]\nfile = \"{ENVIRONMENT}\"\nturn_deg = {}\n", number(degrees));
+    if let Some((grid, _)) = environment.inset() {
+        let ([column, row], [columns, rows]) = (grid.first, grid.replaced);
+        let _ = writeln!(text, "inset_file = \"{INSET}\"");
+        let _ = writeln!(text, "inset = [{column}, {row}, {columns}, {rows}]");
+    }
+    text
+}
+
+/// All `[[light]]` tables. Emissive triangles are meshes.
+pub(super) fn lights(emitters: &[Emitter], warnings: &mut Vec<Warning>) -> String {
+    let mut text = String::new();
+    let (mut rounded, mut luminaires) = (0, 0);
+    let along = |unit| point(unnormalized(unit));
+    let _ = emitters.iter().try_for_each(|emitter| match emitter {
+        Emitter::Point { position, intensity } => {
+            let (position, intensity) = (point(*position), color(*intensity));
+            writeln!(text, "\n[[light]]\ntype = \"point\"\nposition = {position}")?;
+            writeln!(text, "intensity = {intensity}")
+        }
+        Emitter::Spot(spot) => {
+            let ([inner, outer], exact) = cones(spot);
+            rounded += usize::from(!exact);
+            let (position, direction) = (point(spot.position), along(spot.direction));
+            writeln!(text, "\n[[light]]\ntype = \"spot\"\nposition = {position}")?;
+            writeln!(text, "direction = {direction}\ninner_deg = {}", number(inner))?;
+            writeln!(text, "outer_deg = {}", number(outer))?;
+            writeln!(text, "intensity = {}", color(spot.intensity))
+        }
+        Emitter::Directional(sun) => {
+            let (direction, irradiance) = (along(sun.direction), color(sun.irradiance));
+            writeln!(text, "\n[[light]]\ntype = \"sun\"\ndirection = {direction}")?;
+            writeln!(text, "irradiance = {irradiance}")
+        }
+        Emitter::Luminaire(_) | Emitter::Opening(_) => {
+            luminaires += 1;
+            Ok(())
+        }
+        Emitter::Triangle { .. } | Emitter::Textured(_) => Ok(()),
+    });
+    if luminaires > 0 {
+        let text = format!("left out the light of {luminaires} luminaires: copy their files");
+        warnings.push(Warning::skipped(text));
+    }
+    if rounded > 0 {
+        let text = format!("rounded the angles of {rounded} spots in the last digit");
+        warnings.push(Warning::chosen(text));
+    }
+    text
+}
+
+/// The angles of a spot's cones, degrees, and whether they reproduce the cosines exactly.
+fn cones(spot: &Spot) -> ([f32; 2], bool) {
+    let cos = |degrees: f32| degrees.to_radians().cos();
+    let cosines = [spot.cos_inner, spot.cos_outer];
+    let exact = cosines.map(|cosine| inverse(cosine, cosine.acos().to_degrees(), cos));
+    let nearest = |i: usize| exact[i].unwrap_or(cosines[i].acos().to_degrees());
+    // A rounded right angle may exceed 90 degrees.
+    ([nearest(0), nearest(1).min(90.0)], exact.iter().all(Option::is_some))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn empty_tables_are_omitted() {
+        assert_eq!(render(&PartialSettings::default()).unwrap(), "");
+        assert_eq!(regions(&[]), "");
+    }
+}

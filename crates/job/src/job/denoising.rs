@@ -1,0 +1,424 @@
+//! Denoising in a job: when the denoiser runs, the time that is reserved for it, and the error of
+//! its result.
+
+use crate::output::denoise::{
+    Denoised, ErrorSummary, Guides, Oidn, Quality, TILE, Validation, Window, denoise, guides,
+};
+use bdpm_auto::adaptive::error_interval::{ErrorInterval, SquaredPart};
+use bdpm_auto::adaptive::stopping::Stop;
+use bdpm_core::base::error::Result;
+use bdpm_core::base::math::Rgb;
+use bdpm_core::film::folds::DENOISE_FOLDS;
+use bdpm_core::noise::bias::UPPER_BOUND;
+use bdpm_core::render::Renderer;
+use bdpm_core::render::block::CombinedImage;
+use serde::Serialize;
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Maximum share of the given time for all runs of the denoiser.
+const DENOISE_SHARE: f64 = 0.12;
+
+/// Relative RMS noise that the pilot predicts for the end, below which denoising does not pay: the
+/// time of the denoiser adds more noise than its result removes. Measured:
+/// docs/measurements/denoising.md.
+const MIN_NOISE: f64 = 0.025;
+
+/// Maximum side of the image with which the time of the denoiser is measured, pixels.
+const TIMED_SIDE: u32 = 128;
+
+/// Factor by which the time of a run may exceed that of the small image per pixel.
+const TIME_MARGIN: f64 = 1.3;
+
+/// Minimum number of iterations per fold before the error of a denoised image is estimated during
+/// the render.
+const MIN_ITERATIONS_PER_FOLD: u64 = 2;
+
+/// Share of the time that estimating the error for a target may take during the render.
+const CHECK_SHARE: f64 = 0.04;
+
+/// Minimum of the time that rendering without the denoiser would still take to a target, as a
+/// factor of the time of a check.
+const MIN_SAVING: f64 = 3.0;
+
+/// Range of the ratio between the rendering times of two estimates of the error, within which it
+/// follows the expected decrease of the error.
+const CHECK_GROWTH: Range<f64> = 1.1..2.0;
+
+/// Maximum share of the raw image's squared error at the end that the denoised image is expected to
+/// have. Denoising is given up above it.
+const MAX_EXPECTED_SHARE: f64 = 0.85;
+
+/// Assumed power of the time with which the squared error of denoised images decreases. It is below
+/// 1, the power of noise, since the denoiser's bias decreases later. Only the next check and
+/// promises depend on it.
+const DENOISED_DECAY: f64 = 0.7;
+
+/// Share of the given time after which the error at its end is promised.
+const PROMISE_AFTER: f64 = 0.25;
+
+/// Maximum share of the given time for a single run that leaves the error unknown, where nothing
+/// else fits: short renders of large images.
+const SINGLE_RUN_SHARE: f64 = 0.25;
+
+/// Minimum relative RMS noise that the pilot predicts for the end, above which a denoised image of
+/// unknown error pays. A less noisy raw image would be the result anyway.
+const MIN_NOISE_FOR_UNKNOWN_ERROR: f64 = 0.1;
+
+/// Minimum number of tiles in which the error is estimated, if it is not estimated in the whole
+/// image.
+const MIN_TILES: usize = 4;
+
+/// Effort of denoising an image with its error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Effort {
+    quality: Quality,
+    /// Whether noisy guides are denoised first. Otherwise, the denoiser uses noisy guides.
+    prefilter: bool,
+    /// Number of folds that are left out in turn; 0 leaves the error unknown.
+    folds: usize,
+    /// Number of tiles in which the error is estimated; `None` for the whole image.
+    tiles: Option<usize>,
+}
+
+/// Effort without a limit of time.
+const FULL: Effort =
+    Effort { quality: Quality::High, prefilter: true, folds: DENOISE_FOLDS, tiles: None };
+
+/// Effort for a given time that is long enough, and for the checks of a target with fewer folds. In
+/// short renders, higher qualities and denoised guides take several times as long and do not reduce
+/// the error: docs/measurements/denoising.md.
+const FAST: Effort =
+    Effort { quality: Quality::Fast, prefilter: false, folds: DENOISE_FOLDS, tiles: None };
+
+impl Effort {
+    /// The best effort for an image of this number of pixels whose time is at most `runs` times
+    /// that of a run of [`Quality::Fast`] on the whole image; `None` if not even one run fits.
+    fn within(runs: f64, pixels: f64) -> Option<Self> {
+        let folds = |folds| Self { folds, ..FAST };
+        // As many tiles as fit, for half of the image at most.
+        let tile = f64::from(TILE * TILE);
+        let fitting =
+            ((runs - 1.0) * pixels / (DENOISE_FOLDS as f64 * tile)).min(0.5 * pixels / tile);
+        let tiles = fitting.max(0.0) as usize;
+        let tiled = (tiles >= MIN_TILES).then_some(Self { tiles: Some(tiles), ..FAST });
+        [Some(FAST), Some(folds(DENOISE_FOLDS / 2)), tiled, Some(folds(2)), Some(folds(0))]
+            .into_iter()
+            .flatten()
+            .find(|effort| effort.runs(pixels) <= runs)
+    }
+
+    /// Effort for the checks of a target: four folds of a small image, or tiles of a large one.
+    fn of_check(pixels: f64) -> Self {
+        Self::within((DENOISE_FOLDS / 2 + 1) as f64, pixels).expect("several runs fit")
+    }
+
+    /// Time as a factor of a run of [`Quality::Fast`] on the whole image. Measured:
+    /// docs/measurements/denoising.md.
+    fn runs(self, pixels: f64) -> f64 {
+        let run = match self.quality {
+            Quality::Fast => 1.0,
+            Quality::High => 4.7,
+        };
+        let prefilter = if self.prefilter { 2.0 * run } else { 0.0 };
+        let share = self.tiles.map_or(1.0, |tiles| tiles as f64 * f64::from(TILE * TILE) / pixels);
+        prefilter + run * (self.folds as f64 * share + 1.0)
+    }
+}
+
+/// The denoiser and its latest result.
+pub struct Denoising {
+    /// Locked by one thread at a time. Pages read the other fields from several threads.
+    oidn: Mutex<Oidn>,
+    size: (u32, u32),
+    effort: Effort,
+    /// Time of the runs at the end, which is reserved from the given time.
+    reserve: Duration,
+    /// True if the estimate at a part of the time showed that denoising does not pay.
+    is_given_up: bool,
+    /// Time of all runs.
+    pub time: Duration,
+    /// Rendering time at which the error is estimated next.
+    next_check: Duration,
+    /// Latest denoised image, with its error if that was estimated.
+    pub latest: Option<Denoised>,
+    /// Number of iterations in `latest`.
+    iterations: u64,
+    /// The error that was promised for the end, once a part of the time had passed.
+    pub promise: Option<DenoisedPromise>,
+}
+
+/// A promise about the relative error of the denoised image at the end.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct DenoisedPromise {
+    /// Relative RMS error at the end: noise and the biases of denoiser and merging.
+    pub error: f64,
+    /// Rendering time at which the promise was made, seconds.
+    pub said_after: f64,
+}
+
+/// Error and time of denoising, for reports.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct DenoisedReport {
+    /// Relative RMS error, including the denoiser's bias.
+    pub relative_error: Option<f64>,
+    /// Relative RMS error including the merge bias as well.
+    pub total_error: Option<f64>,
+    /// Range in which the true relative error should lie.
+    pub interval: Option<ErrorInterval>,
+    /// Squared errors and their components.
+    pub error: Option<ErrorSummary>,
+    /// The promised error, if one was made.
+    pub promise: Option<DenoisedPromise>,
+    /// True if the raw image is the result: it has the smaller error, or denoising was given up.
+    pub is_raw: bool,
+    /// Time of all runs of the denoiser, seconds.
+    pub seconds: f64,
+}
+
+impl Denoising {
+    /// Loads the denoiser and measures the time of a run on a small image. `stop` decides the
+    /// effort: the best one whose time is at most 12 % of a given time, or a single run in at most
+    /// 25 %. `None` if there is none.
+    pub fn new(threads: usize, size: (u32, u32), stop: &Stop) -> Result<Option<Self>> {
+        let start = Instant::now();
+        let mut oidn = Oidn::new(threads)?;
+        oidn.set_quality(Quality::Fast);
+        let small = (size.0.min(TIMED_SIDE), size.1.min(TIMED_SIDE));
+        let [pixels, small_pixels] =
+            [size, small].map(|(width, height)| f64::from(width) * f64::from(height));
+        let gray = vec![Rgb::splat(0.5); small_pixels as usize];
+        let guides = Guides { albedo: gray.clone(), normal: gray.clone(), clean: true };
+        let mut timed_run = || {
+            let start = Instant::now();
+            oidn.denoise(small, &gray, &guides).map(|_| start.elapsed())
+        };
+        // The first run also reads the library's weights.
+        timed_run()?;
+        let run_time = timed_run()?.min(timed_run()?).mul_f64(TIME_MARGIN * pixels / small_pixels);
+        let time = start.elapsed();
+        let effort = match stop.time {
+            Some(limit) => {
+                let within = |share: f64| {
+                    let allowed = limit.mul_f64(share).saturating_sub(time);
+                    Effort::within(allowed.div_duration_f64(run_time), pixels)
+                };
+                let single = || within(SINGLE_RUN_SHARE).map(|_| Effort { folds: 0, ..FAST });
+                let Some(effort) = within(DENOISE_SHARE).or_else(single) else { return Ok(None) };
+                effort
+            }
+            None if stop.error.is_some() => Effort::of_check(pixels),
+            None => FULL,
+        };
+        oidn.set_quality(effort.quality);
+        Ok(Some(Self {
+            oidn: Mutex::new(oidn),
+            size,
+            effort,
+            reserve: run_time.mul_f64(effort.runs(pixels)),
+            is_given_up: false,
+            time,
+            next_check: Duration::ZERO,
+            latest: None,
+            iterations: 0,
+            promise: None,
+        }))
+    }
+
+    /// Returns true if denoising can pay at this relative RMS noise, which is predicted for the end
+    /// of a given time.
+    pub fn can_pay(&self, noise: f64) -> bool {
+        let is_error_known = self.effort.folds > 0;
+        noise >= if is_error_known { MIN_NOISE } else { MIN_NOISE_FOR_UNKNOWN_ERROR }
+    }
+
+    /// Approximate time of denoising the final image with its error; 0 once denoising is given up.
+    pub fn reserve(&self) -> Duration {
+        if self.is_given_up { Duration::ZERO } else { self.reserve }
+    }
+
+    /// Denoises the image, with its error if there is time for that. Keeps the latest result if the
+    /// image has no new iterations. Does nothing once denoising is given up.
+    pub fn denoise(&mut self, renderer: &Renderer, image: &CombinedImage) -> Result<()> {
+        let iterations = image.iterations();
+        if !self.is_given_up && (self.latest.is_none() || iterations != self.iterations) {
+            self.latest = Some(self.run(renderer, image, self.effort.folds)?);
+            self.iterations = iterations;
+        }
+        Ok(())
+    }
+
+    /// Gives up denoising: the raw image is the result.
+    pub fn give_up(&mut self) {
+        self.is_given_up = true;
+        self.latest = None;
+    }
+
+    /// Denoises the image without its error.
+    pub fn preview(&mut self, renderer: &Renderer, image: &CombinedImage) -> Result<Denoised> {
+        self.run(renderer, image, 0)
+    }
+
+    fn run(
+        &mut self,
+        renderer: &Renderer,
+        image: &CombinedImage,
+        folds: usize,
+    ) -> Result<Denoised> {
+        let start = Instant::now();
+        let (size, effort) = (self.size, self.effort);
+        let oidn = self.oidn.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let mut guides = guides(image, renderer.shared().features.as_ref());
+        if effort.prefilter {
+            guides = oidn.prefilter(size, guides)?;
+        }
+        let validation = Validation { folds, tiles: effort.tiles, seed: renderer.settings().seed };
+        let whole = Window::whole(size);
+        let denoised = denoise(image, validation, |window, radiance| {
+            if window == whole {
+                return oidn.denoise(size, radiance, &guides);
+            }
+            oidn.denoise(window.size(), radiance, &guides.crop(window, size.0))
+        });
+        self.time += start.elapsed();
+        denoised
+    }
+
+    /// The estimated error of the whole image.
+    pub fn error(&self) -> Option<&ErrorSummary> {
+        self.latest.as_ref()?.error.as_ref().map(|error| &error.whole)
+    }
+
+    /// The error of the latest denoised image, for reports. `bias` is the squared merge bias.
+    pub fn report(&self, bias: SquaredPart) -> DenoisedReport {
+        let error = self.error().copied();
+        let interval = error.map(|error| {
+            let value = error.squared.max(0.0);
+            let noise = SquaredPart { value, deviation: error.standard_error };
+            ErrorInterval::new(noise, bias, false)
+        });
+        let total = |error: ErrorSummary| (error.squared.max(0.0) + bias.value).sqrt();
+        DenoisedReport {
+            relative_error: error.map(|error| error.relative()),
+            total_error: error.map(total),
+            interval,
+            error,
+            promise: self.promise,
+            is_raw: self.is_given_up || self.latest.as_ref().is_some_and(|latest| latest.is_raw),
+            seconds: self.time.as_secs_f64(),
+        }
+    }
+
+    /// Returns true if the error should be estimated after this rendering time: repeatedly for a
+    /// target, once for the promise of a given time. `remaining` is the forecast of the time to the
+    /// target without the denoiser, if it is known.
+    pub fn is_due(
+        &self,
+        elapsed: Duration,
+        iterations: u64,
+        stop: &Stop,
+        remaining: Option<Duration>,
+    ) -> bool {
+        let folds = self.effort.folds as u64;
+        if self.is_given_up || folds == 0 || iterations < MIN_ITERATIONS_PER_FOLD * folds {
+            return false;
+        }
+        let is_promise_due = stop.time.is_some_and(|time| {
+            self.promise.is_none()
+                && elapsed >= time.mul_f64(PROMISE_AFTER)
+                && self.time + 2 * self.reserve <= time.mul_f64(DENOISE_SHARE)
+        });
+        let is_check_due = stop.error.is_some()
+            && elapsed >= self.next_check.max(self.reserve.div_f64(CHECK_SHARE))
+            && remaining.is_some_and(|remaining| remaining > self.reserve.mul_f64(MIN_SAVING));
+        is_promise_due || is_check_due
+    }
+
+    /// Uses an error that was just estimated: makes the promise, plans the next estimate, and
+    /// returns true if the error is small enough to stop. Gives up denoising if it is not expected
+    /// to pay at the end of a given time.
+    pub fn check_target(&mut self, elapsed: Duration, stop: &Stop) -> bool {
+        let Some(error) = self.error().copied() else { return false };
+        if let (Some(time), None) = (stop.time, self.promise) {
+            let left = elapsed.as_secs_f64() / time.as_secs_f64().max(elapsed.as_secs_f64());
+            let squared = error.squared.max(0.0) * left.powf(DENOISED_DECAY);
+            let said_after = elapsed.as_secs_f64();
+            if squared > MAX_EXPECTED_SHARE * error.raw * left {
+                self.give_up();
+                return false;
+            }
+            self.promise =
+                Some(DenoisedPromise { error: (squared + stop.bias2).sqrt(), said_after });
+        }
+        let Some(target) = stop.error else { return false };
+        let excess = error.bound(UPPER_BOUND) / stop.noise2(target);
+        let growth =
+            excess.powf(DENOISED_DECAY.recip()).clamp(CHECK_GROWTH.start, CHECK_GROWTH.end);
+        let pause = self.reserve.div_f64(CHECK_SHARE);
+        self.next_check = (elapsed + pause).max(elapsed.mul_f64(growth));
+        excess <= 1.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::denoise::DenoisedError;
+
+    fn timed(time: Duration) -> Option<Denoising> {
+        Denoising::new(2, (40, 30), &Stop::time(time)).unwrap()
+    }
+
+    #[test]
+    fn effort_is_the_best_one_that_fits() {
+        let (small, large) = (128.0 * 128.0, 1024.0 * 1024.0);
+        let within = |runs: f64, pixels: f64| {
+            let effort = Effort::within(runs, pixels)?;
+            assert!(effort.runs(pixels) <= runs);
+            Some((effort.folds, effort.tiles))
+        };
+        assert_eq!(within(9.0, small), Some((8, None)));
+        assert_eq!(within(5.0, small), Some((4, None)));
+        assert_eq!(within(3.0, small), Some((2, None)));
+        assert_eq!(within(4.9, large), Some((8, Some(31))));
+        assert_eq!(within(1.6, large), Some((8, Some(4))));
+        assert_eq!(within(1.4, large), Some((0, None)));
+        assert_eq!(within(0.9, large), None);
+        assert!(FULL.runs(small) > FAST.runs(small));
+    }
+
+    #[test]
+    fn denoising_is_left_out_of_a_time_that_it_would_exceed() {
+        assert!(timed(Duration::from_millis(1)).is_none());
+        let denoising = timed(Duration::from_secs(3600)).unwrap();
+        assert_eq!(denoising.effort, FAST);
+        assert!(denoising.time + denoising.reserve() <= Duration::from_secs(432));
+    }
+
+    #[test]
+    fn denoising_is_given_up_if_the_raw_image_will_be_about_as_good() {
+        for (squared, is_given_up) in [(0.9e-3, true), (0.2e-3, false)] {
+            let mut denoising = timed(Duration::from_secs(100)).unwrap();
+            let whole = ErrorSummary {
+                squared,
+                standard_error: 1e-5,
+                unmixed: squared,
+                unmixed_error: 1e-5,
+                raw: 1e-3,
+                raw_share: 0.0,
+                worse: 0.0,
+                folds: 8,
+                tiles: None,
+            };
+            let error = DenoisedError { whole, map: Vec::new(), raw_share: Vec::new() };
+            let image = Vec::new();
+            denoising.latest = Some(Denoised { image, error: Some(error), is_raw: false });
+            let stop = Stop::time(Duration::from_secs(100));
+            assert!(!denoising.check_target(Duration::from_secs(25), &stop));
+            assert_eq!(denoising.promise.is_none(), is_given_up);
+            assert_eq!(denoising.latest.is_none(), is_given_up);
+            assert_eq!(denoising.reserve().is_zero(), is_given_up);
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! The loop over the iterations of a job.
+
+use super::Event;
+use super::leader::Leader;
+use super::result::RenderResult;
+use super::state::RenderState;
+use super::step::Step;
+use bdpm_auto::adaptive::stopping::StoppedBy;
+use bdpm_core::base::error::{Error, Result};
+use bdpm_core::render::IterationReport;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+/// Renders until a stop condition holds, or the user or `observer` interrupts. An error after the
+/// first iteration ends the render with the image so far.
+pub(super) fn run(
+    mut state: RenderState,
+    leader: &mut Option<Leader>,
+    observer: &mut impl FnMut(Event) -> ControlFlow<()>,
+) -> Result<RenderResult> {
+    if observer(Event::Started(&state)).is_break() {
+        state.interrupt();
+    }
+    let stopped_by = loop {
+        if let Some(reason) = state.finished() {
+            break reason;
+        }
+        match advance(&mut state, leader.as_mut(), observer) {
+            Ok(ControlFlow::Continue(())) => {}
+            Ok(ControlFlow::Break(reason)) => break reason,
+            Err(error) if state.renderer.iterations() == 0 => return Err(error),
+            Err(error) => {
+                state.failure.get_or_insert(error);
+                break StoppedBy::Failure;
+            }
+        }
+    };
+    if let Some(leader) = leader
+        && let Err(error) = leader.dismiss()
+    {
+        state.failure.get_or_insert(error);
+    }
+    Ok(RenderResult::new(state, stopped_by))
+}
+
+/// Renders one iteration, and decides what follows from it.
+fn advance(
+    state: &mut RenderState,
+    leader: Option<&mut Leader>,
+    observer: &mut impl FnMut(Event) -> ControlFlow<()>,
+) -> Result<ControlFlow<StoppedBy>> {
+    iterate(state, leader, observer)?;
+    if state.renderer.iterations() == 0 {
+        return Err(Error::interrupted());
+    }
+    state.estimate_if_due()?;
+    match state.revise_choice() {
+        Ok(false) => {}
+        Ok(true) => {
+            let _ = observer(Event::Revised(state));
+            return Ok(ControlFlow::Continue(()));
+        }
+        Err(error) => {
+            let _ = observer(Event::Warning(format!("the technique is kept: {error}")));
+        }
+    }
+    match state.denoised_error() {
+        Ok(None) => {}
+        Ok(Some((error, suffices))) => {
+            let _ = observer(Event::Denoised(&error, state.elapsed()));
+            if suffices {
+                return Ok(ControlFlow::Break(StoppedBy::Target));
+            }
+        }
+        Err(error) => {
+            let _ = observer(Event::Warning(format!("the image will not be denoised: {error}")));
+            state.failure.get_or_insert(error);
+        }
+    }
+    let is_over = observer(Event::Iterated(state)).is_break() || state.is_interrupted();
+    Ok(if is_over { ControlFlow::Break(StoppedBy::Interrupt) } else { ControlFlow::Continue(()) })
+}
+
+/// Renders one iteration, or one round of iterations of all processes.
+fn iterate(
+    state: &mut RenderState,
+    leader: Option<&mut Leader>,
+    observer: &mut impl FnMut(Event) -> ControlFlow<()>,
+) -> Result<()> {
+    let elapsed = state.elapsed().as_secs_f64();
+    let threads = Arc::clone(&state.threads);
+    let measure = state.attempt(Step::Preparation, |state| {
+        let RenderState { policy, renderer, stop, .. } = state;
+        threads.install(|| policy.prepare(renderer, stop, elapsed))
+    })?;
+    if let Some(error) = state.policy.take_failure() {
+        let _ = observer(Event::Warning(format!("the path counts are kept: {error}")));
+    }
+    let reports = state.attempt(Step::Iteration, |state| match leader {
+        Some(leader) => leader.round(state),
+        None => {
+            let renderer = &mut state.renderer;
+            let number = renderer.next_iteration();
+            Ok(vec![(threads.install(|| renderer.iterate(measure)), number)])
+        }
+    })?;
+    for (report, number) in &reports {
+        state.totals.add(report);
+        if let Some(warning) = bad_pixel(state, report, *number) {
+            let _ = observer(Event::Warning(warning));
+        }
+    }
+    Ok(())
+}
+
+/// A warning about the first non-finite pixel value, with the seed and iteration that reproduce it.
+fn bad_pixel(state: &RenderState, report: &IterationReport, iteration: u64) -> Option<String> {
+    let (x, y) = report.non_finite.first()?;
+    let is_first = state.totals.non_finite == report.non_finite.len() as u64;
+    is_first.then(|| {
+        format!(
+            "pixel ({x}, {y}) is not finite in iteration {iteration} with seed {} and was left \
+             out\nhelp: please report this with the scene; further pixels are only counted",
+            state.provenance.settings.seed
+        )
+    })
+}

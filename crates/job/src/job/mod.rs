@@ -1,0 +1,645 @@
+//! One call renders: [`RenderJob`].
+//!
+//! ```text
+//! scene -> pilot (technique, radii, guide) -> iterations (counts chosen on the way) -> RenderResult
+//! ```
+//!
+//! A job reads and writes no files: [`import`](bdpm_import) loads scenes, and
+//! [`output`](crate::output) writes images and pages from the [`RenderResult`]. An observer sees
+//! the [`RenderState`] after every iteration.
+
+mod builder;
+mod denoising;
+mod iterate;
+mod leader;
+mod near_layers;
+mod outline;
+mod result;
+mod revision;
+mod shard;
+mod state;
+mod step;
+mod time_check;
+mod worker;
+
+pub use denoising::{DenoisedPromise, DenoisedReport, Denoising};
+pub use outline::JobOutline;
+pub use result::{RelativeError, RenderResult};
+pub use shard::Shard;
+pub use state::{Exchanged, NoiseAt, RenderState, Status, TimeForecast, Totals, best_measured};
+pub use step::{PlantedFailure, Step};
+pub use time_check::check_time;
+pub use worker::report_failure;
+
+use crate::mpi::{Ranks, SingleProcess};
+use crate::output::checkpoint::Checkpoint;
+use crate::output::denoise::ErrorSummary;
+use bdpm_auto::adaptive::autopilot::Autopilot;
+use bdpm_auto::adaptive::count_policy::{CountPolicy, Replay};
+use bdpm_auto::adaptive::plan::Plan;
+use bdpm_auto::adaptive::stopping::{Stop, Target};
+use bdpm_auto::adaptive::technique;
+use bdpm_auto::adaptive::technique::{End, FreeParameters, Selection};
+use bdpm_auto::timing::{TimeModel, Timings};
+use bdpm_core::accel::Intersect;
+use bdpm_core::base::error::{Error, Result};
+use bdpm_core::film::aov::AovSelection;
+use bdpm_core::film::counts::Counts;
+use bdpm_core::noise::file::check_memory;
+use bdpm_core::noise::film::BatchGrain;
+use bdpm_core::noise::schedule::MeasureSchedule;
+use bdpm_core::render::block::Block;
+use bdpm_core::render::{RenderConfig, Renderer};
+use bdpm_core::scene::backend;
+use bdpm_core::scene::backend::Backend;
+use bdpm_core::scene::{Media, Scene};
+use bdpm_core::settings::provenance::{Provenance, Reuse};
+use bdpm_core::settings::{PartialSettings, Settings};
+use leader::Leader;
+use rayon::ThreadPool;
+use shard::ShardIterations;
+use state::RunClock;
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// Relative error at which a job stops if no stop condition was given: 1 %.
+const DEFAULT_ERROR: f64 = 0.01;
+
+/// Shadow rays that learn the visibility of lights if a job chooses its settings: more of them
+/// hardly reduce the noise.
+const ENOUGH_VISIBILITY_RAYS: u32 = 1 << 19;
+
+/// Time of a job for which these rays take up to about a hundredth of it, seconds. Shorter jobs
+/// trace fewer.
+const ENOUGH_VISIBILITY_SECONDS: f64 = 20.0;
+
+/// Renders a scene until a [`Stop`] condition holds.
+///
+/// By default, short trials choose the technique, merge radii and guide with the least predicted
+/// error (noise and merge bias), and the job chooses its path counts. Settings that
+/// [`Self::settings`] fixes are not chosen.
+///
+/// ```no_run
+/// use bdpm::{RenderJob, Stop};
+/// use std::time::Duration;
+///
+/// let scene = bdpm::load("scenes/cornell-box")?;
+/// let result = RenderJob::new(&scene).stop(Stop::time(Duration::from_secs(60))).render()?;
+/// println!("{:?}", result.error);
+/// # Ok::<(), bdpm::Error>(())
+/// ```
+#[derive(Clone)]
+pub struct RenderJob {
+    scene: Arc<Scene>,
+    scene_settings: PartialSettings,
+    settings: PartialSettings,
+    backend: Option<Backend>,
+    accel: Option<(Backend, Arc<dyn Intersect>)>,
+    threads: Option<Arc<ThreadPool>>,
+    stop: Stop,
+    start: Start,
+    times: Option<(Timings, PathBuf)>,
+    free: Option<FreeParameters>,
+    reserve_per_pixel: Duration,
+    started: Option<Instant>,
+    min_iterations: u64,
+    schedule: MeasureSchedule,
+    pixel_noise: bool,
+    aovs: AovSelection,
+    denoise: bool,
+    shard: Option<Shard>,
+    interrupt: Arc<AtomicBool>,
+    planted: Option<PlantedFailure>,
+}
+
+/// Start of an image.
+#[derive(Clone)]
+enum Start {
+    New,
+    Plan { plan: Plan, made_by: Box<Provenance>, file: PathBuf },
+    Checkpoint { checkpoint: Box<Checkpoint<'static>>, file: PathBuf },
+}
+
+/// Events that a job reports to its observer.
+pub enum Event<'a> {
+    /// A warning for the user. The job continues.
+    Warning(String),
+    /// The pilot starts to try techniques. The parameters are those that it may choose; the
+    /// provenance holds the settings before the choice.
+    Choosing(FreeParameters, &'a Provenance),
+    /// The first iteration is about to start.
+    Started(&'a RenderState),
+    /// The image started again with other settings, since its first iterations showed that they
+    /// leave less error.
+    Revised(&'a RenderState),
+    /// The error of the denoised image was estimated, after this rendering time.
+    Denoised(&'a ErrorSummary, Duration),
+    /// An iteration is done, or with several processes a round of iterations.
+    Iterated(&'a mut RenderState),
+}
+
+/// Scene, settings and threads of a job that is about to render.
+struct Prepared {
+    scene: Arc<Scene>,
+    accel: Arc<dyn Intersect>,
+    threads: Arc<ThreadPool>,
+    provenance: Provenance,
+    build_time: Duration,
+}
+
+impl RenderJob {
+    /// Renders without an observer.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub fn render(self) -> Result<RenderResult> {
+        self.run(|_| ControlFlow::Continue(()))
+    }
+
+    /// Renders, and reports events to `observer`, which may end the job.
+    ///
+    /// # Errors
+    /// - if settings are invalid, or differ from those of the plan or checkpoint;
+    /// - if the memory does not suffice;
+    /// - if one iteration would take far longer than the time;
+    /// - if the denoiser fails.
+    pub fn run(self, observer: impl FnMut(Event) -> ControlFlow<()>) -> Result<RenderResult> {
+        self.run_on(&SingleProcess, observer)
+    }
+
+    /// Renders as rank 0 of several processes, which leads the others. They
+    /// [`follow`](Self::follow).
+    ///
+    /// # Errors
+    /// As [`Self::run`], and if another process has another scene or version. The other processes
+    /// then end, too.
+    pub fn run_on(
+        self,
+        ranks: &dyn Ranks,
+        mut observer: impl FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<RenderResult> {
+        let mut leader = Leader::new(ranks);
+        let result = self.lead(ranks, &mut leader, &mut observer);
+        if result.is_err()
+            && let Some(leader) = &mut leader
+        {
+            // The error of the render says why.
+            let _ = leader.dismiss();
+        }
+        result
+    }
+
+    /// Renders as the only process, or as that which leads the others.
+    fn lead(
+        mut self,
+        ranks: &dyn Ranks,
+        leader: &mut Option<Leader>,
+        observer: &mut impl FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<RenderResult> {
+        let start = self.started.unwrap_or_else(Instant::now);
+        if self.stop.time.is_some_and(|time| time.is_zero()) {
+            let advice = "give a time above 0, or a number of iterations";
+            return Err(Error::new("nothing can be rendered in a time of 0", advice));
+        }
+        let Prepared { scene, accel, threads, mut provenance, build_time } = self.prepare()?;
+        if let Some(leader) = leader {
+            leader.check_workers(&provenance)?;
+        }
+        let is_automatic = self.is_automatic();
+        let mut stop = self.stop_with_default();
+        let iterations = self.shard_iterations(&stop, is_automatic)?;
+        if let Some(iterations) = &iterations {
+            stop.iterations = Some(iterations.assigned.count());
+        }
+        let mut denoising = None;
+        if self.denoise {
+            let Settings { width, height, .. } = provenance.settings;
+            denoising = Denoising::new(threads.current_num_threads(), (width, height), &stop)?;
+            if denoising.is_none() {
+                self.leave_out_denoising("it would take too much of the time", observer);
+            }
+        }
+        if let (Some(time), Some(denoising)) = (&mut stop.time, &denoising) {
+            *time = time.saturating_sub(denoising.reserve());
+        }
+        let reserve = self.reserve_per_pixel * provenance.settings.pixels() as u32;
+        if let Some(time) = &mut stop.time {
+            *time = time.saturating_sub(reserve);
+        }
+
+        let has_choice = scene.lights().has_choice();
+        if is_automatic && has_choice && matches!(self.start, Start::New) {
+            provenance.settings.light_visibility =
+                self.visibility_rays(&scene, &provenance.settings, stop.time);
+        }
+        let new = || {
+            Renderer::new(&scene, &accel, provenance.settings.clone())
+                .map(|new| new.interrupted_by(Arc::clone(&self.interrupt)))
+        };
+        let mut config = RenderConfig { ranks: ranks.count(), ..RenderConfig::default() };
+        let mut renderer = threads.install(new)?.configure(config)?;
+        if let Some(warning) = near_layers::warning(&scene, &*accel, &provenance.settings) {
+            let _ = observer(Event::Warning(warning));
+        }
+        let (mut selection, mut revision) = (None, None);
+        if is_automatic && matches!(self.start, Start::New) {
+            let free = self.chosen_parameters();
+            let _ = observer(Event::Choosing(free, &provenance));
+            let (chosen, may_revise) =
+                threads.install(|| technique::choose(&renderer, free, pilot_end(&stop)))?;
+            // Workers know only the settings of the start.
+            revision = (free.any() && leader.is_none()).then_some(may_revise);
+            provenance.settings = chosen.apply(&provenance.settings);
+            stop = stop.with_pilot_bias2(chosen.best().bias.powi(2));
+            let noise = chosen.best().noise;
+            if let (Some(time), Some(unused)) = (&mut stop.time, &denoising)
+                && !unused.can_pay(noise)
+            {
+                *time += unused.reserve();
+                denoising = None;
+                let reason = format!("the noise will be {:.1} % without it", 100.0 * noise);
+                self.leave_out_denoising(&reason, observer);
+            }
+            let settings = provenance.settings.clone();
+            renderer = threads.install(|| renderer.with_settings(settings))?;
+            selection = Some(chosen);
+        }
+        if let (Some(time), Some(counts)) = (self.stop.time, self.fixed_counts(&provenance)) {
+            let check = || {
+                let settings = &provenance.settings;
+                check_time(&scene, &accel, settings, time, (self.min_iterations, &counts))
+            };
+            if let Some(warning) = threads.install(check)? {
+                let _ = observer(Event::Warning(warning));
+            }
+        }
+        config.grain = self.batch_grain(&provenance.settings, is_automatic)?;
+        config.aovs = self.kept_aovs();
+        renderer = renderer.configure(config)?;
+        if let Some(iterations) = &iterations {
+            renderer.assign(iterations.assigned.clone());
+        }
+        let times = self.time_model(&provenance)?;
+        let policy = self.policy(
+            &mut renderer,
+            (&mut stop, selection.as_ref()),
+            times,
+            iterations.as_ref(),
+        )?;
+        if let Some(leader) = leader {
+            leader.set_up(&provenance, *renderer.config())?;
+        }
+        let regions = scene.regions.iter();
+        let regions = regions.filter_map(|region| region.within(&provenance.settings)).collect();
+        let state = RenderState {
+            provenance,
+            accel_name: accel.describe().name,
+            build_time,
+            earlier: policy.state(0.0).map_or(0.0, |state| state.elapsed()),
+            renderer,
+            policy,
+            stop,
+            is_automatic,
+            selection,
+            revision,
+            denoising,
+            sharded: iterations.map(|iterations| iterations.sharded),
+            regions,
+            totals: Totals::default(),
+            status: Status::default(),
+            history: Vec::new(),
+            exchanged: Exchanged::new(ranks.count()),
+            interrupt: self.interrupt,
+            threads,
+            latest: Mutex::default(),
+            failure: None,
+            planted: self.planted,
+            clock: RunClock::new(start, self.min_iterations, reserve),
+        };
+        iterate::run(state, leader, observer)
+    }
+
+    /// Renders the raw image, since denoising does not pay.
+    fn leave_out_denoising(
+        &mut self,
+        reason: &str,
+        observer: &mut impl FnMut(Event) -> ControlFlow<()>,
+    ) {
+        self.denoise = false;
+        let _ = observer(Event::Warning(format!("the image will not be denoised: {reason}")));
+    }
+
+    /// Renders as a rank other than 0 of several processes, until rank 0 has no more work for it.
+    ///
+    /// # Errors
+    /// As [`Self::run_on`].
+    pub fn follow(mut self, ranks: &dyn Ranks) -> Result<()> {
+        let prepared = self.prepare();
+        worker::follow(ranks, prepared, &self.interrupt, self.planted)
+    }
+
+    /// Resolves settings, builds the acceleration structure, and checks both against the plan or
+    /// checkpoint.
+    fn prepare(&mut self) -> Result<Prepared> {
+        let threads = match self.threads.take() {
+            Some(threads) => threads,
+            None => Arc::new(thread_pool(0)?),
+        };
+        let scene = Arc::clone(&self.scene);
+        let earlier = match &self.start {
+            Start::New => None,
+            Start::Plan { made_by, file, .. } => Some((&**made_by, file, Reuse::Plan)),
+            Start::Checkpoint { checkpoint, file } => {
+                Some((&checkpoint.provenance, file, Reuse::Resume))
+            }
+        };
+        // An image that is continued has its own settings. Settings that agree with them are
+        // accepted.
+        let defaults = match earlier {
+            Some((made_by, ..)) => Cow::Owned((&made_by.settings).into()),
+            None => Cow::Borrowed(&self.scene_settings),
+        };
+        let settings = Settings::resolve(&self.settings, &defaults, scene.size())?;
+        let earlier_backend = earlier.and_then(|(made_by, ..)| Backend::named(&made_by.backend));
+        let start = Instant::now();
+        let (backend, accel) = match self.accel.take() {
+            Some((backend, accel)) => (backend, accel),
+            None => {
+                let backend = self.backend.or(earlier_backend).unwrap_or_default();
+                (backend, threads.install(|| backend::build(backend, &scene))?)
+            }
+        };
+        let build_time = start.elapsed();
+        let provenance = provenance(&scene, backend, settings);
+        if let Some((made_by, file, reuse)) = earlier {
+            made_by.check_agrees(&provenance, reuse).map_err(|e| e.at(file))?;
+        }
+        Ok(Prepared { scene, accel, threads, provenance, build_time })
+    }
+
+    /// Returns true if the path counts are chosen during the render.
+    fn is_automatic(&self) -> bool {
+        match &self.start {
+            Start::Plan { .. } => false,
+            Start::Checkpoint { checkpoint, .. } => {
+                checkpoint.plan.is_none() && checkpoint.autopilot.is_some()
+            }
+            Start::New if self.free.is_some() => true,
+            Start::New => {
+                let Self { settings, stop, schedule, .. } = self;
+                settings.light_paths.is_none()
+                    && settings.camera_paths.is_none()
+                    && stop.iterations.is_none()
+                    && *schedule == MeasureSchedule::default()
+            }
+        }
+    }
+
+    /// The plan that is rendered, if there is one.
+    fn planned(&self) -> Option<&Plan> {
+        match &self.start {
+            Start::New => None,
+            Start::Plan { plan, .. } => Some(plan),
+            Start::Checkpoint { checkpoint, .. } => checkpoint.plan.as_ref(),
+        }
+    }
+
+    /// The parameters that the pilot may choose.
+    fn chosen_parameters(&self) -> FreeParameters {
+        if let Some(free) = self.free {
+            return free;
+        }
+        let fixed = &self.settings;
+        // Known times hold only for the settings that they were measured with.
+        let any = self.times.is_none();
+        let in_media = any && self.scene.media().is_some_and(Media::any_scatters);
+        let radius = any && fixed.radius.is_none();
+        let caustic_radius = any && fixed.caustic_radius.is_none();
+        FreeParameters {
+            strategy: any && fixed.strategy.is_none() && fixed.merge_vertex.is_none(),
+            direct: any && fixed.direct.is_none(),
+            radius,
+            caustic_radius,
+            medium_query: in_media && fixed.medium_query.is_none(),
+            medium_scale: in_media && fixed.medium_scale.is_none(),
+            guide: any && fixed.guide.is_none(),
+            sobol_set: any && fixed.sobol_set.is_none(),
+            splitting: any && fixed.splitting.is_none(),
+            // At radii that the user chose, the image keeps its bias.
+            bias: (radius || caustic_radius) && fixed.bias.is_none(),
+        }
+    }
+
+    /// Shadow rays that learn the visibility of lights. Their number depends on options alone, so
+    /// that images can be repeated. Among local lights the light tree chooses so well that learning
+    /// does not pay; through windows it does.
+    fn visibility_rays(&self, scene: &Scene, settings: &Settings, time: Option<Duration>) -> u32 {
+        let is_fixed = self.settings.light_visibility.is_some() || self.times.is_some();
+        if is_fixed || self.free.is_some_and(|free| !free.any()) {
+            return settings.light_visibility;
+        }
+        if !scene.lights().has_environment() {
+            return 0;
+        }
+        let seconds = time.map_or(ENOUGH_VISIBILITY_SECONDS, |time| time.as_secs_f64());
+        let share = (seconds / ENOUGH_VISIBILITY_SECONDS).min(1.0);
+        (f64::from(ENOUGH_VISIBILITY_RAYS) * share) as u32
+    }
+
+    fn stop_with_default(&self) -> Stop {
+        let mut stop = self.stop;
+        stop.iterations = stop.iterations.or(self.planned().and_then(Plan::iterations));
+        let is_open = stop.iterations.is_none() && stop.time.is_none() && stop.target.is_none();
+        if is_open && self.shard.is_none() {
+            stop.error = stop.error.or(Some(DEFAULT_ERROR));
+        }
+        stop
+    }
+
+    /// The iterations of the shard, if the job renders one.
+    fn shard_iterations(&self, stop: &Stop, is_automatic: bool) -> Result<Option<ShardIterations>> {
+        let Some(shard) = self.shard else { return Ok(None) };
+        if is_automatic {
+            return Err(Error::new(
+                "parts of an image cannot choose their path counts, which must be equal",
+                "fix the number of iterations, or use the plan of an image that chose its path counts",
+            ));
+        }
+        let earlier = match &self.start {
+            Start::Checkpoint { checkpoint, .. } => checkpoint.sharded,
+            _ => None,
+        };
+        shard.iterations(stop.iterations, earlier).map(Some)
+    }
+
+    /// The path counts of all iterations, if they are equal and the number of iterations is open.
+    fn fixed_counts(&self, provenance: &Provenance) -> Option<Counts> {
+        let Settings { light_paths, camera_paths, .. } = provenance.settings;
+        match self.planned() {
+            _ if self.is_automatic() => None,
+            None => Some(Counts::uniform(light_paths, camera_paths)),
+            Some(plan) if plan.iterations().is_none() => Some(plan.steps[0].counts.clone()),
+            Some(_) => None,
+        }
+    }
+
+    /// Layers to accumulate: the selected ones and those that the denoiser needs.
+    fn kept_aovs(&self) -> AovSelection {
+        let AovSelection { features, folds, .. } = self.aovs;
+        AovSelection {
+            features: features || self.denoise,
+            folds: folds || self.denoise,
+            ..self.aovs
+        }
+    }
+
+    fn batch_grain(&self, settings: &Settings, is_automatic: bool) -> Result<BatchGrain> {
+        if !self.pixel_noise {
+            return Ok(BatchGrain::Tile);
+        }
+        if !is_automatic {
+            check_measurable(settings)?;
+        }
+        check_memory(settings.width, settings.height)?;
+        Ok(BatchGrain::Pixel)
+    }
+
+    /// The policy for path counts. If the job resumes a checkpoint, hands its sums to the renderer.
+    fn policy(
+        &mut self,
+        renderer: &mut Renderer,
+        (stop, selection): (&mut Stop, Option<&Selection>),
+        times: Option<TimeModel>,
+        iterations: Option<&ShardIterations>,
+    ) -> Result<CountPolicy> {
+        let mut state = None;
+        let plan = match std::mem::replace(&mut self.start, Start::New) {
+            Start::New => None,
+            Start::Plan { plan, .. } => Some(plan),
+            Start::Checkpoint { checkpoint, file } => {
+                self.check_resumed(&checkpoint, stop, iterations).map_err(|e| e.at(&file))?;
+                let mut checkpoint = *checkpoint;
+                state = checkpoint.autopilot;
+                *stop = stop.with_pilot_bias2(state.map_or(0.0, |state| state.bias2()));
+                renderer.resume(checkpoint.take_partial())?;
+                self.check_kept(renderer.config().aovs).map_err(|e| e.at(&file))?;
+                checkpoint.plan
+            }
+        };
+        let autopilot = match (plan, selection, state) {
+            (Some(plan), ..) => return Ok(CountPolicy::Plan(Replay::new(plan))),
+            (None, Some(selection), _) => Autopilot::new(selection.best().times, stop.bias2),
+            (None, None, Some(state)) => Autopilot::resume(state),
+            (None, None, None) => return Ok(CountPolicy::Fixed(self.schedule)),
+        };
+        // Coefficients of single pixels belong to one pair of path counts.
+        let autopilot = if self.pixel_noise { autopilot.uniform() } else { autopilot };
+        let autopilot = match times {
+            Some(times) => autopilot.with_times(times),
+            None => autopilot,
+        };
+        Ok(CountPolicy::Automatic(Box::new(autopilot)))
+    }
+
+    /// The model of known times, if they belong to this scene and these settings.
+    fn time_model(&self, provenance: &Provenance) -> Result<Option<TimeModel>> {
+        let Some((times, file)) = &self.times else { return Ok(None) };
+        let Settings { width, height, .. } = provenance.settings;
+        times.check_fits(&provenance.to_metadata(), width, height).map_err(|e| e.at(file))?;
+        Ok(Some(times.model))
+    }
+
+    /// Refuses a checkpoint that lacks statistics of the job, or has too many iterations.
+    fn check_resumed(
+        &self,
+        checkpoint: &Checkpoint,
+        stop: &Stop,
+        iterations: Option<&ShardIterations>,
+    ) -> Result<()> {
+        let blocks = &checkpoint.blocks[..];
+        let done: u64 = blocks.iter().map(|block| block.film.iterations).sum();
+        if let Some(wanted) = stop.iterations.filter(|wanted| *wanted < done) {
+            return Err(Error::new(
+                format!("the checkpoint holds {done} iterations, more than {wanted}"),
+                format!("render at least {done} iterations, or set a time instead"),
+            ));
+        }
+        let by_tile = |block: &Block| {
+            block.statistics.noise.as_ref().is_some_and(|noise| noise.grain() == BatchGrain::Tile)
+        };
+        if self.pixel_noise && blocks.iter().any(by_tile) {
+            return Err(Error::new(
+                "the checkpoint lacks the noise of single pixels",
+                "resume without a noise file, or start a new image",
+            ));
+        }
+        iterations.map_or(Ok(()), |iterations| iterations.check_holds(blocks))
+    }
+
+    /// Refuses a checkpoint that lacks layers of the job.
+    fn check_kept(&self, kept: AovSelection) -> Result<()> {
+        let (missing, advice) = if self.denoise && !kept.folds {
+            ("the folds for the denoiser", "resume without denoising, or start a new image")
+        } else if self.aovs.light && !kept.light || self.aovs.features && !kept.features {
+            ("some of the layers", "resume without these layers, or start a new image")
+        } else {
+            return Ok(());
+        };
+        Err(Error::new(format!("the checkpoint lacks {missing}"), advice))
+    }
+}
+
+/// Target of the pilot.
+fn pilot_end(stop: &Stop) -> End {
+    match (stop.time, stop.error, stop.target) {
+        (Some(time), _, _) => End::Time(time.as_secs_f64()),
+        (None, Some(error), _) => End::Error(error),
+        (None, None, Some(Target::Share(share))) => End::Error(share),
+        (None, None, _) => End::Error(DEFAULT_ERROR),
+    }
+}
+
+/// Threads for a job: this many, or one per processor if the number is 0.
+///
+/// # Errors
+/// If the system refuses to start them.
+pub fn thread_pool(threads: usize) -> Result<ThreadPool> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| Error::new(format!("cannot start the threads: {e}"), "use fewer threads"))
+}
+
+/// Provenance of an image of the scene by this version of the program.
+pub fn provenance(scene: &Scene, backend: Backend, settings: Settings) -> Provenance {
+    Provenance {
+        version: env!("CARGO_PKG_VERSION").into(),
+        scene: scene.name.clone(),
+        fingerprint: scene.fingerprint(),
+        backend: backend.name().into(),
+        settings,
+    }
+}
+
+/// Refuses path counts at which noise cannot be measured: coefficients need two paths of each kind.
+///
+/// # Errors
+/// If there is only one light path, or one camera path per pixel.
+pub fn check_measurable(settings: &Settings) -> Result<()> {
+    for (count, singular, plural) in [
+        (settings.light_paths, "light path", "light paths"),
+        (settings.camera_paths, "camera path per pixel", "camera paths per pixel"),
+    ] {
+        if count < 2 {
+            return Err(Error::new(
+                format!("cannot measure the noise with {count} {singular}"),
+                format!("use at least 2 {plural}; the result predicts the noise at 1 as well"),
+            ));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,226 @@
+//! The result of a job.
+
+use super::denoising::DenoisedReport;
+use super::state::RenderState;
+use super::step::Step;
+use crate::output::denoise;
+use crate::output::layers::LayerSelection;
+use crate::output::recorded_camera::record;
+use bdpm_auto::adaptive::error_interval::{ErrorInterval, SquaredPart};
+use bdpm_auto::adaptive::plan::Plan;
+use bdpm_auto::adaptive::stopping::{Convergence, StoppedBy, importance};
+use bdpm_auto::adaptive::technique::Selection;
+use bdpm_core::base::error::{Error, Result};
+use bdpm_core::base::math::Rgb;
+use bdpm_core::image_io::{Image, Layer, Value};
+use bdpm_core::noise::Measure;
+use bdpm_core::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH};
+use bdpm_core::noise::image::NoiseImage;
+use bdpm_core::render::bias::MergeBias;
+use bdpm_core::render::block::Block;
+use serde::Serialize;
+use std::time::Duration;
+
+/// An image with its error and its plan.
+pub struct RenderResult {
+    /// Width and height, pixels.
+    pub resolution: (u32, u32),
+    /// Radiance, W/(m^2 sr), row by row from the top left; the denoised one if the job denoises.
+    pub image: Vec<Rgb>,
+    /// Error of the image relative to each pixel's luminance; `None` for a pooled objective, before
+    /// the noise is known, or if the merge bias is not known.
+    pub error: Option<RelativeError>,
+    /// Error of the denoised image, if the job denoises.
+    pub denoised: Option<DenoisedReport>,
+    /// RMS of the noise as luminance, W/(m^2 sr), pooled over all pixels, and its standard error.
+    pub rms: Option<(f64, f64)>,
+    /// Merge bias, estimated from nested radii; `None` if the image is corrected.
+    pub merge_bias: Option<MergeBias>,
+    /// Path counts, number and weight of all iterations. A job with this plan and seed renders the
+    /// same image.
+    pub plan: Plan,
+    /// Reason for the end of the render.
+    pub stopped_by: StoppedBy,
+    /// Wall-clock time of this run: pilot, iterations, estimates of the error, and denoising.
+    pub time: Duration,
+    /// Sums, technique, promise, denoiser and history.
+    pub state: RenderState,
+}
+
+/// Relative RMS error of an image: the root of the mean over pixels of squared errors over squared
+/// luminances.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct RelativeError {
+    /// Noise and bias together.
+    pub total: f64,
+    /// Noise alone.
+    pub noise: f64,
+    /// Merge bias alone: the estimate of the pilot, or of the image if its bias is corrected.
+    pub bias: f64,
+    /// Range in which the true relative error should lie, if it is known.
+    pub interval: Option<ErrorInterval>,
+}
+
+/// Noise, bias and error of the final image.
+#[derive(Default)]
+struct Summary {
+    error: Option<RelativeError>,
+    denoised: Option<DenoisedReport>,
+    rms: Option<(f64, f64)>,
+    merge_bias: Option<MergeBias>,
+}
+
+impl Summary {
+    fn new(state: &RenderState) -> Self {
+        let image = state.image();
+        let rms = image.pooled_variance().map(|(variance, error)| {
+            let rms = variance.sqrt();
+            (rms, 0.5 * error / rms)
+        });
+        // A corrected image has no bias left that exceeds the noise.
+        let merge_bias = match image.bias_correction() {
+            None => MergeBias::new(state.renderer.blocks(), &image),
+            Some(_) => None,
+        };
+        let objective = state.stop.objective;
+        let convergence = Convergence::of(image, &importance(state.renderer.blocks(), objective));
+        let error = state.is_automatic.then(|| relative_error(state, &convergence)).flatten();
+        Self { error, denoised: denoised_report(state, &convergence), rms, merge_bias }
+    }
+}
+
+impl RenderResult {
+    /// The image of a job that has ended. It is there even if the denoiser or an estimate fails.
+    pub(super) fn new(mut state: RenderState, stopped_by: StoppedBy) -> Self {
+        if let Err(error) = state.denoise() {
+            state.failure.get_or_insert(error);
+        }
+        let summary = state.attempt(Step::Result, |state| Ok(Summary::new(state)));
+        let Summary { error, denoised, rms, merge_bias } = summary.unwrap_or_else(|error| {
+            state.failure.get_or_insert(error);
+            Summary::default()
+        });
+        let image = state.image();
+        let resolution = image.resolution();
+        let plan = Plan::of_blocks(state.renderer.blocks(), image.weights());
+        let pixels = match state.denoised() {
+            Some(denoised) => denoised.image.clone(),
+            None => image.mean(),
+        };
+        drop(image);
+        let time = state.elapsed();
+        Self {
+            resolution,
+            image: pixels,
+            error,
+            denoised,
+            rms,
+            merge_bias,
+            plan,
+            stopped_by,
+            time,
+            state,
+        }
+    }
+
+    /// The error after the first iteration that left the image with fewer iterations than wanted,
+    /// or not denoised, if there was one.
+    pub fn failure(&self) -> Option<&Error> {
+        self.state.failure.as_ref()
+    }
+
+    /// The technique that the pilot chose, and the others that it compared, if it ran.
+    pub fn selection(&self) -> Option<&Selection> {
+        self.state.selection.as_ref()
+    }
+
+    /// Selected layers that the job accumulated, and the denoised image with its error.
+    pub fn layers(&self, selection: &LayerSelection) -> Vec<Layer> {
+        let image = self.state.image();
+        let (shared, rows) = (self.state.renderer.shared(), 0..self.resolution.1);
+        let mut layers = selection.layers(shared, &image, rows, &image.mean());
+        layers.extend(self.state.denoised().into_iter().flat_map(denoise::layers));
+        layers
+    }
+
+    /// Content of the image file: the image without denoising, the noise of each pixel (`rms`,
+    /// luminance, W/(m^2 sr)) if it is known, the layers of [`Self::layers`], and the settings and
+    /// the plan that repeat the image.
+    pub fn to_image_file(&self, selection: &LayerSelection) -> Image {
+        let image = self.state.image();
+        let pixels = image.mean();
+        let mut layers = vec![Layer::rgb("", &pixels)];
+        if let Some(rms) = image.rms() {
+            layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
+        }
+        let (shared, rows) = (self.state.renderer.shared(), 0..self.resolution.1);
+        layers.extend(selection.layers(shared, &image, rows, &pixels));
+        layers.extend(self.state.denoised().into_iter().flat_map(denoise::layers));
+        let mut metadata = self.state.provenance.to_metadata();
+        record(self.state.camera(), &mut metadata);
+        metadata.insert("iterations".into(), Value::Number(image.iterations() as f64));
+        let (width, height) = self.resolution;
+        let mut file = Image { width, height, layers, metadata };
+        self.plan.write_to(&mut file);
+        file
+    }
+
+    /// The coefficients `a`, `b` and `f` of each pixel, of the block with the most measured
+    /// iterations.
+    ///
+    /// # Errors
+    /// If the job did not keep [`pixel_noise`](super::RenderJob::pixel_noise), or measured fewer
+    /// than 2 iterations.
+    pub fn noise_image(&self) -> Result<NoiseImage> {
+        self.best_measured()?.noise_image()
+    }
+
+    /// The coefficients of [`Self::noise_image`], which `estimator` measured, as a file with scene
+    /// and settings.
+    ///
+    /// # Errors
+    /// As [`Self::noise_image`].
+    pub fn noise_file(&self, estimator: Measure) -> Result<NoiseFile> {
+        let block = self.best_measured()?;
+        let RenderState { provenance, regions, totals, is_automatic, .. } = &self.state;
+        let noise = block.noise_image()?;
+        let mut file = NoiseFile::new((provenance, regions), &block.film, noise, estimator);
+        if !is_automatic {
+            let light_paths = totals.iterations as f64 * f64::from(provenance.settings.light_paths);
+            let photons = Value::Number(totals.photons as f64 / light_paths);
+            file.facts.insert(PHOTONS_PER_LIGHT_PATH.into(), photons);
+        }
+        Ok(file)
+    }
+
+    fn best_measured(&self) -> Result<&Block> {
+        self.state.best_measured().ok_or_else(|| {
+            Error::new("too few iterations to estimate the noise", "render more iterations")
+        })
+    }
+}
+
+fn denoised_report(state: &RenderState, convergence: &Convergence) -> Option<DenoisedReport> {
+    let denoising = state.denoising.as_ref()?;
+    let bias = match denoising.error() {
+        Some(_) => convergence.squared_bias(&state.stop),
+        None => SquaredPart::default(),
+    };
+    Some(denoising.report(bias))
+}
+
+fn relative_error(state: &RenderState, convergence: &Convergence) -> Option<RelativeError> {
+    // An image without photons has no merge bias. Otherwise, no estimate means that it is unknown.
+    let has_photons = state.provenance.settings.has_photons();
+    if has_photons && state.stop.bias2 <= 0.0 && convergence.bias2.is_none() {
+        return None;
+    }
+    let stop = &convergence.with_measured_bias(&state.stop);
+    let total = convergence.error(stop, 1.0)?;
+    Some(RelativeError {
+        total,
+        noise: convergence.weighted_variance?.sqrt(),
+        bias: stop.bias2.sqrt(),
+        interval: convergence.error_interval(&state.stop, 1.0),
+    })
+}

@@ -1,0 +1,538 @@
+//! State of a job during and after the render.
+
+use super::denoising::Denoising;
+use super::step::{PlantedFailure, Step, attempt};
+use crate::output::checkpoint::{Checkpoint, ShardedImage};
+use crate::output::denoise::{Denoised, ErrorSummary};
+use bdpm_auto::adaptive::autopilot::Promise;
+use bdpm_auto::adaptive::count_policy::CountPolicy;
+use bdpm_auto::adaptive::stopping::{Convergence, Forecast, Stop, StoppedBy, importance};
+use bdpm_auto::adaptive::technique::{Revision, Selection};
+use bdpm_core::base::error::{Error, Result};
+use bdpm_core::film::PhaseTimes;
+use bdpm_core::film::cells::CellGrid;
+use bdpm_core::render::block::{Block, CombinedImage};
+use bdpm_core::render::combined_image::DerivedStatistics;
+use bdpm_core::render::{IterationReport, Renderer};
+use bdpm_core::scene::{Camera, Region};
+use bdpm_core::settings::provenance::Provenance;
+use rayon::ThreadPool;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::mem;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Ratio of the times of two values of the history.
+const HISTORY_GROWTH: f64 = 1.02;
+
+/// Maximum time between two estimates of the noise of the image, seconds.
+const MAX_ESTIMATE_PAUSE: f64 = 0.5;
+
+/// Time between two estimates relative to the elapsed time, up to the maximum.
+const ESTIMATE_PAUSE_SHARE: f64 = 0.02;
+
+/// Maximum share of these estimates in the time. Each is a pass over the image.
+const ESTIMATE_COST: f64 = 0.05;
+
+/// Maximum share for large images, whose pixels share statistics.
+const LARGE_ESTIMATE_COST: f64 = 0.02;
+
+/// The image of a job, its progress and its statistics, during and after the render.
+pub struct RenderState {
+    /// How the image is made: version, scene, backend and the chosen settings.
+    pub provenance: Provenance,
+    /// Name and version of the acceleration structure.
+    pub accel_name: String,
+    /// Time that building the acceleration structure took.
+    pub build_time: Duration,
+    /// The sums of the image.
+    pub renderer: Renderer,
+    /// The policy for path counts.
+    pub policy: CountPolicy,
+    /// Stop conditions, with the latest estimate of the merge bias.
+    pub stop: Stop,
+    /// True if path counts are chosen during the render.
+    pub is_automatic: bool,
+    /// The choice of the pilot, if it ran.
+    pub selection: Option<Selection>,
+    /// What may still revise that choice.
+    pub(super) revision: Option<Revision>,
+    /// Work of this run.
+    pub totals: Totals,
+    /// Progress of the image.
+    pub status: Status,
+    /// Noise of the image at times that grow by 2 %.
+    pub history: Vec<NoiseAt>,
+    /// The denoiser, if the image is denoised, and its latest result.
+    pub denoising: Option<Denoising>,
+    /// Exchange between several processes.
+    pub exchanged: Exchanged,
+    /// Rendering time of earlier runs, seconds.
+    pub earlier: f64,
+    /// Size of the whole image, if this job renders a shard.
+    pub sharded: Option<ShardedImage>,
+    /// The scene's named regions, for files.
+    pub regions: Vec<Region>,
+    /// What the latest image of the blocks has computed.
+    pub(super) latest: Mutex<Latest>,
+    pub(super) threads: Arc<ThreadPool>,
+    pub(super) interrupt: Arc<AtomicBool>,
+    pub(super) clock: RunClock,
+    /// The first error after the first iteration, which left the image incomplete or not denoised.
+    pub failure: Option<Error>,
+    pub(super) planted: Option<PlantedFailure>,
+}
+
+/// Weights of the blocks and statistics of the image after this number of iterations.
+#[derive(Default)]
+pub(super) struct Latest {
+    iterations: u64,
+    weights: Vec<f64>,
+    derived: DerivedStatistics,
+}
+
+/// Times of a run and their forecasts.
+pub(super) struct RunClock {
+    /// Start of the job, before the pilot.
+    start: Instant,
+    first_iteration: Instant,
+    min_iterations: u64,
+    /// Forecasts at times that grow by 2 %.
+    forecasts: Vec<TimeForecast>,
+    /// Time of the latest estimate of the noise, seconds, and its duration.
+    last_estimate: f64,
+    estimate_time: f64,
+    /// Time that the stop conditions leave out for the caller's work at the end.
+    reserve: Duration,
+}
+
+/// Estimates of the noise that take as long as the result at the end.
+const RESULT_ESTIMATES: f64 = 2.0;
+
+impl RunClock {
+    /// A clock for a run that started at `start` and renders its first iteration now. The stop
+    /// conditions leave out `reserve` for the caller.
+    pub fn new(start: Instant, min_iterations: u64, reserve: Duration) -> Self {
+        Self {
+            start,
+            first_iteration: Instant::now(),
+            min_iterations,
+            forecasts: Vec::new(),
+            last_estimate: 0.0,
+            estimate_time: 0.0,
+            reserve,
+        }
+    }
+
+    /// Time since the first iteration, seconds.
+    pub fn rendering_time(&self) -> f64 {
+        self.first_iteration.elapsed().as_secs_f64()
+    }
+
+    /// Leaves out `reserve` of the time instead of the present reserve, and returns the new `end`
+    /// of the iterations.
+    fn replace_reserve(&mut self, end: Duration, reserve: Duration) -> Duration {
+        let all = end + mem::replace(&mut self.reserve, reserve);
+        all.saturating_sub(reserve)
+    }
+}
+
+/// Progress of an image after an iteration.
+#[derive(Clone, Debug, Default)]
+pub struct Status {
+    /// Iterations of the image.
+    pub iterations: u64,
+    /// Latest estimate of noise and bias.
+    pub convergence: Option<Convergence>,
+    /// Forecast of noise and time at the end, once it is known.
+    pub forecast: Option<Forecast>,
+}
+
+impl Status {
+    /// The remaining seconds, if they are known, and the share of the work that is done after
+    /// `elapsed` seconds.
+    pub fn time_left(&self, stop: &Stop, elapsed: f64) -> (Option<f64>, f64) {
+        let of_time = |time: Duration| elapsed / time.as_secs_f64().max(1e-9);
+        let left = self.forecast.map(|forecast| forecast.seconds).or_else(|| {
+            let rest = |time: Duration| (time.as_secs_f64() - elapsed).max(0.0);
+            stop.time.filter(|_| stop.target.is_none() && stop.error.is_none()).map(rest)
+        });
+        let fraction = match (left, stop.iterations) {
+            (_, Some(n)) => self.iterations as f64 / n as f64,
+            (Some(left), None) => elapsed / (elapsed + left).max(1e-9),
+            (None, None) => stop.time.map_or(0.0, of_time),
+        };
+        (left, fraction)
+    }
+}
+
+/// Work of a run, of all its processes.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Totals {
+    /// Iterations of this run.
+    pub iterations: u64,
+    /// Rays of this run.
+    pub rays: u64,
+    /// Photons of this run.
+    pub photons: u64,
+    /// Pixel values that were not finite and were left out.
+    pub non_finite: u64,
+    /// Busy thread time of the phases, and wall-clock time.
+    pub times: PhaseTimes,
+}
+
+/// A forecast of this run's rendering time.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct TimeForecast {
+    /// Rendering time when it was made, seconds.
+    pub said_after: f64,
+    /// Forecast of the whole rendering time, seconds.
+    pub seconds: f64,
+    /// The time that rendering took in the end, seconds.
+    pub took: f64,
+}
+
+/// Noise of the image at a time.
+#[derive(Clone, Copy, Debug)]
+pub struct NoiseAt {
+    /// Rendering time of this run, seconds.
+    pub seconds: f64,
+    /// Variance relative to the squared luminance of each pixel or of the mean, by the objective.
+    pub noise2: f64,
+}
+
+/// Exchange between several processes.
+#[derive(Clone, Copy, Debug)]
+pub struct Exchanged {
+    /// Number of processes.
+    pub ranks: u32,
+    /// Time until the other processes were done.
+    pub waiting: Duration,
+    /// Time until their sums were added.
+    pub adding: Duration,
+    /// Bytes that rank 0 received.
+    pub bytes: u64,
+}
+
+impl Exchanged {
+    /// Nothing exchanged yet.
+    pub(super) fn new(ranks: u32) -> Self {
+        Self { ranks, waiting: Duration::ZERO, adding: Duration::ZERO, bytes: 0 }
+    }
+}
+
+impl Totals {
+    /// Adds an iteration.
+    pub fn add(&mut self, report: &IterationReport) {
+        self.iterations += 1;
+        self.rays += report.rays;
+        self.photons += report.photons as u64;
+        self.non_finite += report.non_finite.len() as u64;
+        self.times += report.times;
+    }
+
+    /// Adds the work of another process.
+    pub fn join(&mut self, other: &Self) {
+        self.iterations += other.iterations;
+        self.rays += other.rays;
+        self.photons += other.photons;
+        self.non_finite += other.non_finite;
+        self.times += other.times;
+    }
+
+    /// Rays per second of wall-clock time.
+    pub fn rays_per_second(&self) -> f64 {
+        self.rays as f64 / self.times.wall.as_secs_f64().max(1e-9)
+    }
+}
+
+impl RenderState {
+    /// Threads of this process.
+    pub fn threads(&self) -> &ThreadPool {
+        &self.threads
+    }
+
+    /// Time since the start of the job, including the pilot.
+    pub fn elapsed(&self) -> Duration {
+        self.clock.start.elapsed()
+    }
+
+    /// The camera of the image.
+    pub fn camera(&self) -> &Camera {
+        &self.renderer.scene_and_accel().0.camera
+    }
+
+    /// The image so far: all blocks with their weights.
+    pub fn image(&self) -> CombinedImage<'_> {
+        let blocks = self.renderer.blocks();
+        let iterations = self.renderer.iterations();
+        let mut latest = self.latest.lock().unwrap_or_else(PoisonError::into_inner);
+        if latest.iterations != iterations || latest.weights.len() != blocks.len() {
+            // A single block needs no importance of the pixels.
+            let importance = match blocks {
+                [_] => Vec::new(),
+                _ => importance(blocks, self.stop.objective),
+            };
+            let weights = self.policy.weights(blocks, &importance);
+            *latest = Latest { iterations, weights, derived: DerivedStatistics::default() };
+        }
+        CombinedImage::new(blocks, latest.weights.clone()).with_derived(latest.derived.clone())
+    }
+
+    /// Reserves this time for the caller's work at the end, such as writing files, instead of that
+    /// of [`RenderJob::reserve_per_pixel`](super::RenderJob::reserve_per_pixel).
+    pub fn reserve(&mut self, time: Duration) {
+        if let Some(end) = self.stop.time {
+            let end = self.clock.replace_reserve(end, time);
+            self.stop.time = Some(end);
+        }
+    }
+
+    /// The promised error or time, once there is one.
+    pub fn promise(&self) -> Option<&Promise> {
+        self.policy.promise()
+    }
+
+    /// The latest denoised image.
+    pub fn denoised(&self) -> Option<&Denoised> {
+        self.denoising.as_ref()?.latest.as_ref()
+    }
+
+    /// A denoised image without its error, for a preview; `None` if the image is not denoised.
+    ///
+    /// # Errors
+    /// Those of the denoiser.
+    pub fn denoised_preview(&mut self) -> Result<Option<Denoised>> {
+        self.with_denoiser(|denoising, renderer, image| denoising.preview(renderer, image))
+    }
+
+    /// The state from which a later job can resume.
+    pub fn checkpoint(&self) -> Checkpoint<'_> {
+        Checkpoint {
+            provenance: self.provenance.clone(),
+            blocks: Cow::Borrowed(self.renderer.blocks()),
+            shared: Cow::Borrowed(self.renderer.shared()),
+            autopilot: self.policy.state(self.elapsed().as_secs_f64()),
+            plan: self.policy.plan().cloned(),
+            sharded: self.sharded,
+            regions: self.regions.clone(),
+        }
+    }
+
+    /// [`best_measured`] of the image's blocks.
+    pub fn best_measured(&self) -> Option<&Block> {
+        best_measured(self.renderer.blocks())
+    }
+
+    /// The forecast of the time that was made at half of the time.
+    pub fn half_way(&self) -> Option<TimeForecast> {
+        let took = self.clock.start.elapsed().as_secs_f64();
+        let half =
+            self.clock.forecasts.iter().find(|forecast| forecast.said_after >= 0.5 * took)?;
+        Some(TimeForecast { took, ..*half })
+    }
+
+    /// Estimates noise and bias of the image. This takes a pass over the image.
+    pub fn estimate(&mut self) {
+        let elapsed = self.elapsed().as_secs_f64();
+        self.clock.last_estimate = elapsed;
+        let entered = Instant::now();
+        let (blocks, objective) = (self.renderer.blocks(), self.stop.objective);
+        let convergence =
+            self.threads.install(|| Convergence::of(self.image(), &importance(blocks, objective)));
+        self.clock.estimate_time = entered.elapsed().as_secs_f64();
+        if convergence.variance.is_none() && self.status.convergence.is_some() {
+            return; // After the first iteration of a block, the previous estimate is the better one.
+        }
+        self.stop = convergence.with_measured_bias(&self.stop);
+        let iteration_time =
+            self.policy.iteration_time(&self.renderer, self.totals.iterations, elapsed);
+        self.status.forecast =
+            convergence.per_iteration.zip(iteration_time).and_then(|(variance, iteration_time)| {
+                convergence.forecast(&self.stop, variance, iteration_time, elapsed)
+            });
+        self.record_history(&convergence, elapsed);
+        self.status.convergence = Some(convergence);
+    }
+
+    /// Runs a step; a panic becomes an error.
+    pub(super) fn attempt<T>(
+        &mut self,
+        step: Step,
+        run: impl FnOnce(&mut Self) -> Result<T>,
+    ) -> Result<T> {
+        let (iterations, planted) = (self.renderer.iterations(), self.planted);
+        attempt(step, iterations, planted, || run(self))
+    }
+
+    pub(super) fn interrupt(&self) {
+        self.interrupt.store(true, Ordering::Relaxed);
+    }
+
+    pub(super) fn is_interrupted(&self) -> bool {
+        self.interrupt.load(Ordering::Relaxed)
+    }
+
+    /// Calls [`Self::estimate`] at intervals, so that it takes little of the time.
+    pub(super) fn estimate_if_due(&mut self) -> Result<()> {
+        self.status.iterations = self.renderer.iterations();
+        let elapsed = self.elapsed().as_secs_f64();
+        let pause = MAX_ESTIMATE_PAUSE.min(ESTIMATE_PAUSE_SHARE * elapsed);
+        let is_large = !CellGrid::of(self.renderer.settings().resolution()).is_single_pixels();
+        if is_large && self.status.iterations < 2 {
+            return Ok(()); // Nothing is known of the noise.
+        }
+        let share = if is_large { LARGE_ESTIMATE_COST } else { ESTIMATE_COST };
+        if elapsed < self.clock.last_estimate + pause.max(self.clock.estimate_time / share) {
+            return Ok(());
+        }
+        self.attempt(Step::Estimate, |state| {
+            state.estimate();
+            Ok(())
+        })
+    }
+
+    /// The reason to stop before the next iteration, if there is one.
+    pub(super) fn finished(&self) -> Option<StoppedBy> {
+        let Stop { iterations, time, .. } = self.stop;
+        let done = self.totals.iterations;
+        if iterations.is_some_and(|wanted| self.renderer.iterations() >= wanted) {
+            return Some(StoppedBy::Iterations);
+        }
+        if done < self.clock.min_iterations {
+            return None;
+        }
+        let convergence = self.status.convergence.as_ref();
+        if convergence.is_some_and(|now| now.is_good_enough(&self.stop)) {
+            return Some(StoppedBy::Target);
+        }
+        let mean = self.clock.rendering_time() / done.max(1) as f64;
+        let (blocks, elapsed) = (self.renderer.blocks().len(), self.elapsed().as_secs_f64());
+        // Iterations of earlier blocks may have taken another time.
+        let clock = &self.renderer.block().clock;
+        let iteration_time = match clock.iterations {
+            iterations if blocks > 1 && iterations > 0 => {
+                clock.times.wall.as_secs_f64() / iterations as f64
+            }
+            _ => mean,
+        };
+        let next = iteration_time * f64::from(self.exchanged.ranks);
+        let result = RESULT_ESTIMATES * self.clock.estimate_time;
+        let left = |time: Duration| time.as_secs_f64() - result - elapsed;
+        let is_over = time.is_some_and(|time| !has_time(left(time), next));
+        is_over.then_some(StoppedBy::Time)
+    }
+
+    /// Estimates the error of the denoised image if that is due. Returns the error, and true if it
+    /// reaches the target. After an error the image will not be denoised.
+    pub(super) fn denoised_error(&mut self) -> Result<Option<(ErrorSummary, bool)>> {
+        let (elapsed, stop) = (self.elapsed(), self.stop);
+        let iterations = self.renderer.iterations();
+        let remaining = self.status.forecast.map(|forecast| forecast.seconds);
+        let remaining = remaining.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+        let is_due = |d: &Denoising| d.is_due(elapsed, iterations, &stop, remaining);
+        if !self.denoising.as_ref().is_some_and(is_due) {
+            return Ok(None);
+        }
+        let reserved = self.denoising.as_ref().map_or(Duration::ZERO, Denoising::reserve);
+        let suffices = self.with_denoiser(|denoising, renderer, image| {
+            denoising.denoise(renderer, image)?;
+            Ok(denoising.check_target(elapsed, &stop))
+        });
+        if suffices.is_err() {
+            self.denoising = None;
+        }
+        // If denoising was given up, its time is for samples.
+        let kept = self.denoising.as_ref().map_or(Duration::ZERO, Denoising::reserve);
+        if let Some(time) = &mut self.stop.time {
+            *time += reserved.saturating_sub(kept);
+        }
+        let error = self.denoising.as_ref().and_then(|denoising| denoising.error().copied());
+        Ok(error.zip(suffices?))
+    }
+
+    /// Denoises the final image, with its error. A raw image that reached the target is the result
+    /// as it is.
+    pub(super) fn denoise(&mut self) -> Result<()> {
+        let convergence = self.status.convergence.as_ref();
+        if self.stop.time.is_none()
+            && convergence.is_some_and(|now| now.is_good_enough(&self.stop))
+            && let Some(denoising) = &mut self.denoising
+        {
+            denoising.give_up();
+        }
+        self.with_denoiser(|denoising, renderer, image| denoising.denoise(renderer, image))?;
+        Ok(())
+    }
+
+    fn with_denoiser<T: Send>(
+        &mut self,
+        run: impl FnOnce(&mut Denoising, &Renderer, &CombinedImage) -> Result<T> + Send,
+    ) -> Result<Option<T>> {
+        let Some(mut denoising) = self.denoising.take() else { return Ok(None) };
+        let threads = Arc::clone(&self.threads);
+        let done = self.attempt(Step::Denoising, |state| {
+            threads.install(|| run(&mut denoising, &state.renderer, &state.image()))
+        });
+        self.denoising = Some(denoising);
+        done.map(Some)
+    }
+
+    fn record_history(&mut self, convergence: &Convergence, elapsed: f64) {
+        let last = self.history.last().map_or(0.0, |last| last.seconds);
+        if let Some(noise2) = convergence.relative_variance(self.stop.objective)
+            && elapsed > last * HISTORY_GROWTH
+        {
+            self.history.push(NoiseAt { seconds: elapsed, noise2 });
+        }
+        let last = self.clock.forecasts.last().map_or(0.0, |last| last.said_after);
+        if let Some(forecast) = self.status.forecast
+            && elapsed > last * HISTORY_GROWTH
+        {
+            let seconds = elapsed + forecast.seconds;
+            self.clock.forecasts.push(TimeForecast { said_after: elapsed, seconds, took: 0.0 });
+        }
+    }
+}
+
+/// Whether to render another iteration that takes about `next` seconds if `left` seconds are left:
+/// at least half of it must be within the time.
+// theory.md (92)
+fn has_time(left: f64, next: f64) -> bool {
+    0.5 * next <= left
+}
+
+/// The block with the most measured iterations, if they suffice to estimate its noise.
+pub fn best_measured(blocks: &[Block]) -> Option<&Block> {
+    let measured =
+        |block: &Block| block.statistics.noise.as_ref().map_or(0, |noise| noise.iterations);
+    let best = blocks.iter().max_by_key(|block| measured(block));
+    best.filter(|block| measured(block) >= 2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn iteration_starts_only_if_half_of_it_is_within_the_time() {
+        for (left, next, starts) in
+            [(3.0, 2.0, true), (1.0, 2.0, true), (0.9, 2.0, false), (-1.0, 0.5, false)]
+        {
+            assert_eq!(has_time(left, next), starts, "{left} {next}");
+        }
+    }
+
+    #[test]
+    fn measured_reserve_replaces_the_assumed_one() {
+        // 30 s with 4 s assumed for files; then measured as 6 s, as 1 s, and as more than all.
+        let mut clock = RunClock::new(Instant::now(), 1, Duration::from_secs(4));
+        let mut end = Duration::from_secs(26);
+        for (measured, expected) in [(6, 24), (1, 29), (40, 0)] {
+            end = clock.replace_reserve(end, Duration::from_secs(measured));
+            assert_eq!(end, Duration::from_secs(expected));
+        }
+    }
+}

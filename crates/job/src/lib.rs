@@ -1,0 +1,14 @@
+//! Jobs of bdpm: one call renders an image ([`RenderJob`]) or measures light ([`MeasureJob`]).
+//!
+//! Here live the loop over iterations, what a job leaves behind (checkpoints, layers, the denoised
+//! image), and the exchange between processes. Nothing here knows formats of scene files, chooses
+//! settings, or prints.
+
+pub mod output;
+#[doc(hidden)] // public for the program
+pub mod mpi;
+pub mod job;
+pub mod measurement;
+
+pub use job::{Event, RenderJob, RenderResult};
+pub use measurement::{MeasureJob, Measurement};

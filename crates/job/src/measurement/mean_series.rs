@@ -1,0 +1,110 @@
+//! Means over the meters of a set in each iteration. Meters share light paths, so that the variance
+//! of their mean does not follow from those of the single meters.
+
+use crate::job::RenderState;
+use bdpm_core::film::radiance::luminance;
+use std::ops::Range;
+
+/// Sums over the iterations of a block.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moments {
+    count: f64,
+    sum: f64,
+    squares: f64,
+}
+
+impl Moments {
+    fn add(&mut self, value: f64) {
+        self.count += 1.0;
+        self.sum += value;
+        self.squares += value * value;
+    }
+
+    /// Variance of one iteration; `None` before the second one.
+    fn variance(&self) -> Option<f64> {
+        let spread = self.squares - self.sum * self.sum / self.count;
+        (self.count > 1.0).then(|| spread.max(0.0) / (self.count - 1.0))
+    }
+}
+
+/// Means of some sets of meters in all iterations of an image.
+#[derive(Clone, Debug)]
+pub struct MeanSeries {
+    /// Columns of the image, for each set.
+    sets: Vec<Range<usize>>,
+    /// Moments of each set, for each block.
+    blocks: Vec<Vec<Moments>>,
+    /// Sum of each set over the iterations of the latest block.
+    latest: Vec<f64>,
+}
+
+impl MeanSeries {
+    /// An empty series of sets of meters in these columns of the image.
+    pub fn new(sets: Vec<Range<usize>>) -> Self {
+        Self { blocks: Vec::new(), latest: Vec::new(), sets }
+    }
+
+    /// Adds the latest iteration. Starts again if the image did.
+    pub fn add(&mut self, state: &RenderState) {
+        let blocks = state.renderer.blocks();
+        let film = &blocks[blocks.len() - 1].film;
+        if blocks.len() < self.blocks.len() || film.iterations == 1 && blocks.len() == 1 {
+            self.blocks.clear();
+        }
+        if blocks.len() > self.blocks.len() {
+            self.blocks.resize(blocks.len(), vec![Moments::default(); self.sets.len()]);
+            self.latest = vec![0.0; self.sets.len()];
+        }
+        let sums = film.sums.map_rows(|pixel| luminance(pixel.radiance));
+        let moments = self.blocks.last_mut().expect("resized");
+        for ((set, latest), moments) in self.sets.iter().zip(&mut self.latest).zip(moments) {
+            let sum = sums[set.clone()].iter().sum::<f64>() / set.len() as f64;
+            moments.add(sum - *latest);
+            *latest = sum;
+        }
+    }
+
+    /// Variance of the weighted mean over all iterations, of each set; 0 before the second
+    /// iteration of any block.
+    pub fn variances(&self, weights: &[f64]) -> Vec<f64> {
+        let blocks = || self.blocks.iter().zip(weights);
+        let of_set = |set: usize| {
+            let total: f64 = blocks().map(|(block, weight)| weight * block[set].count).sum();
+            // Weights are reciprocals of variances: a block of one iteration has the variance
+            // `typical` over its weight.
+            let known =
+                blocks().filter_map(|(block, weight)| Some(weight * block[set].variance()?));
+            let (sum, count) = known.fold((0.0, 0.0), |(sum, count), own| (sum + own, count + 1.0));
+            let typical = if count > 0.0 { sum / count } else { 0.0 };
+            let term = |(block, weight): (&Vec<Moments>, &f64)| {
+                let variance = block[set].variance().unwrap_or(typical / weight);
+                weight * weight * block[set].count * variance
+            };
+            blocks().map(term).sum::<f64>() / (total * total)
+        };
+        (0..self.sets.len()).map(of_set).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn variance_of_weighted_blocks_is_that_of_their_mean() {
+        let block = |values: &[f64]| {
+            let mut moments = Moments::default();
+            values.iter().for_each(|value| moments.add(*value));
+            vec![moments]
+        };
+        let blocks = vec![block(&[1.0, 3.0]), block(&[2.0, 2.5, 1.5])];
+        let series =
+            MeanSeries { sets: std::iter::once(0..1).collect(), blocks, latest: vec![0.0] };
+        // Sample variances 2 and 0.25.
+        let [variance] = series.variances(&[0.5, 4.0])[..] else { unreachable!() };
+        let expected = (0.25 * 2.0 * 2.0 + 16.0 * 3.0 * 0.25) / 13.0f64.powi(2);
+        assert!((variance - expected).abs() < 1e-12, "{variance} {expected}");
+        let single = MeanSeries { blocks: vec![block(&[1.0])], ..series };
+        assert_eq!(single.variances(&[1.0]), [0.0]);
+    }
+}

@@ -1,0 +1,260 @@
+//! Denoising, and the error of the denoised image.
+//!
+//! Iterations are dealt out to [`folds`](bdpm_core::film::folds). Each fold in turn is left out.
+//! The image that is denoised from the other folds is independent of it, so the fold shows the
+//! error, the denoiser's own bias included, without a reference. docs/explanation/denoising.md has
+//! the formulas.
+
+mod cross_validation;
+mod folded_image;
+mod mix;
+mod pooling;
+mod standard_error;
+mod window;
+#[allow(unsafe_code)] // with a SAFETY argument for each block, as in Embree's layer
+mod oidn;
+
+pub use cross_validation::{CrossValidation, SquaredError};
+pub use folded_image::{FoldedImage, Guides, guides};
+pub use mix::{Mix, mixed};
+pub use oidn::{Oidn, Quality};
+pub use window::{SampledTile, TILE, Window, sample_tiles};
+
+use bdpm_core::base::error::Result;
+use bdpm_core::base::math::Rgb;
+use bdpm_core::film::folds::DENOISE_FOLDS;
+use bdpm_core::film::radiance::{luminance_weights, total};
+use bdpm_core::image_io::Layer;
+use bdpm_core::render::block::CombinedImage;
+use serde::Serialize;
+
+/// Errors and mixing weights are pooled over this many pixels to each side: squares of 33 by 33.
+pub const BOX_RADIUS: u32 = 16;
+
+/// Relative RMS noise of a raw image above which it is denoised even if the error is unknown.
+/// Denoised images of raw images with this noise usually have an error of about half of it
+/// (docs/measurements/denoising.md).
+const UNKNOWN_ERROR: f64 = 0.1;
+
+/// A denoised image.
+#[derive(Clone, Debug)]
+pub struct Denoised {
+    /// Radiance, W/(m^2 sr), row by row: the denoised image, mixed with the raw one where that has
+    /// a smaller error.
+    pub image: Vec<Rgb>,
+    /// The estimated error; `None` if no fold was left out.
+    pub error: Option<DenoisedError>,
+    /// True if `image` is the raw image, since that has the smaller error.
+    pub is_raw: bool,
+}
+
+/// The error of a denoised image, estimated by leaving out each of `n` folds.
+#[derive(Clone, Debug)]
+pub struct DenoisedError {
+    /// Error of the whole image.
+    pub whole: ErrorSummary,
+    /// RMS error as luminance, W/(m^2 sr), row by row, pooled over squares of `2 BOX_RADIUS + 1`
+    /// pixels; empty if the error was estimated in a sample of tiles.
+    pub map: Vec<f32>,
+    /// Share of the raw image in each pixel.
+    pub raw_share: Vec<f32>,
+}
+
+/// Squared errors relative to `L_p^2 + 0.01 mean(L)^2`, means over all pixels. They include the
+/// noise and the denoiser's bias, but not the merge bias.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ErrorSummary {
+    /// Squared error of the final image.
+    pub squared: f64,
+    /// Standard error of `squared`.
+    pub standard_error: f64,
+    /// Squared error of the denoised image before the raw image is mixed in.
+    pub unmixed: f64,
+    /// Standard error of `unmixed`.
+    pub unmixed_error: f64,
+    /// Squared error of the raw image.
+    pub raw: f64,
+    /// Mean share of the raw image in the mix.
+    pub raw_share: f64,
+    /// Share of the pixels in whose neighborhood the denoised image has a larger error than the raw
+    /// one.
+    pub worse: f64,
+    /// Number of folds `n`. Each of them was left out in turn.
+    #[serde(rename = "parts")]
+    pub folds: usize,
+    /// Number of tiles in which the error was estimated; `None` if it was estimated in all pixels.
+    pub tiles: Option<usize>,
+}
+
+/// How the error of a denoised image is estimated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Validation {
+    /// Number of folds that are left out in turn, or fewer if there are not enough iterations; 0
+    /// leaves the error unknown.
+    pub folds: usize,
+    /// Approximate number of [tiles](sample_tiles) in which the error is estimated; `None` for the
+    /// whole image.
+    pub tiles: Option<usize>,
+    /// Seed of the sample of tiles.
+    pub seed: u64,
+}
+
+impl Validation {
+    /// The error is estimated in the whole image, by leaving out this number of folds in turn.
+    pub fn folds(folds: usize) -> Self {
+        Self { folds, tiles: None, seed: 0 }
+    }
+}
+
+impl ErrorSummary {
+    /// Relative RMS error; 0 if noise hides it.
+    pub fn relative(&self) -> f64 {
+        self.squared.max(0.0).sqrt()
+    }
+
+    /// Upper bound of the squared error: the estimate plus this number of standard errors.
+    pub fn bound(&self, standard_errors: f64) -> f64 {
+        self.squared.max(0.0) + standard_errors * self.standard_error
+    }
+}
+
+/// Denoises an image, and estimates its error by leaving out folds in turn. The result is never
+/// knowingly worse than the raw image: it is the mix with the smallest estimated error, or the raw
+/// image if that has a smaller one. If the error is unknown, it is the raw image if its noise is
+/// below 10 %. `denoiser` denoises the radiance of a window of the image.
+///
+/// # Errors
+/// Those of the denoiser.
+pub fn denoise(
+    image: &CombinedImage,
+    validation: Validation,
+    mut denoiser: impl FnMut(Window, &[Rgb]) -> Result<Vec<Rgb>>,
+) -> Result<Denoised> {
+    let (raw, size) = (image.mean(), image.resolution());
+    let denoised = denoiser(Window::whole(size), &raw)?;
+    let weights = importance(&denoised);
+    let squared_noise = |variance: Vec<f64>| -> Vec<f64> {
+        variance.iter().zip(&weights).map(|(v, w)| v * w).collect()
+    };
+    let mean = |terms: &Vec<f64>| total(terms, |term| *term) / terms.len() as f64;
+    let noise = image.variance_of_mean().map(squared_noise);
+    let splits = [DENOISE_FOLDS, DENOISE_FOLDS / 2, 2];
+    let splits = splits.into_iter().filter(|split| *split <= validation.folds);
+    let folded = splits.filter_map(|split| FoldedImage::new(image, split)).next();
+    let (Some(folded), Some(noise)) = (folded, &noise) else {
+        let is_raw = noise.is_some_and(|noise| mean(&noise) < UNKNOWN_ERROR.powi(2));
+        let image = if is_raw { raw } else { denoised };
+        return Ok(Denoised { image, error: None, is_raw });
+    };
+    // The folds hold the merge bias. Its correction adds noise, which enlarges all errors.
+    let growth = match image.bias_correction() {
+        Some(_) => image
+            .uncorrected_variance()
+            .map_or(1.0, |uncorrected| (mean(noise) / mean(&squared_noise(uncorrected))).max(1.0)),
+        None => 1.0,
+    };
+    let tiles = validation.tiles.map(|n| sample_tiles(size, noise, n, validation.seed));
+    let of_folds = match &tiles {
+        Some(tiles) => CrossValidation::of_tiles(&folded, tiles, &mut denoiser)?,
+        None => CrossValidation::new(&folded, &mut denoiser)?,
+    };
+    let sampled_weights = tiles
+        .as_ref()
+        .map_or_else(|| weights.clone(), |tiles| weights_of_tiles(tiles, &weights, size.0));
+    let mix = Mix::new(&of_folds, &sampled_weights, tiles.is_none().then_some(size));
+    let estimate = |of_folds: &CrossValidation| {
+        let mut estimate = of_folds.estimate(&sampled_weights);
+        if let Some(tiles) = &tiles {
+            let between = variance_between_tiles(of_folds, tiles, &sampled_weights);
+            estimate.standard_error = estimate.standard_error.hypot(between.sqrt());
+        }
+        estimate
+    };
+    let unmixed = estimate(&of_folds);
+    let raw_squared = of_folds.raw(&sampled_weights);
+    let mut delivered = of_folds.mixed(&mix);
+    let mut error = estimate(&delivered);
+    let is_raw = raw_squared <= error.squared;
+    if is_raw {
+        delivered = of_folds.of_raw();
+        error = SquaredError { squared: raw_squared, ..estimate(&delivered) };
+    }
+    let raw_share = match (is_raw, &tiles) {
+        (true, _) => vec![1.0; raw.len()],
+        (false, Some(_)) => vec![mix.shares[0]; raw.len()],
+        (false, None) => mix.shares.clone(),
+    };
+    let map = if tiles.is_none() { delivered.map(size) } else { Vec::new() };
+    let image = if is_raw { raw } else { mixed(&raw, &denoised, &raw_share) };
+    let error = DenoisedError {
+        whole: ErrorSummary {
+            squared: growth * error.squared,
+            standard_error: growth * error.standard_error,
+            unmixed: growth * unmixed.squared,
+            unmixed_error: growth * unmixed.standard_error,
+            raw: growth * raw_squared,
+            raw_share: total(&raw_share, |share| f64::from(*share)) / raw_share.len() as f64,
+            worse: mix.worse,
+            folds: folded.fold_count(),
+            tiles: tiles.map(|tiles| tiles.len()),
+        },
+        map: map.iter().map(|rms| rms * growth.sqrt() as f32).collect(),
+        raw_share,
+    };
+    Ok(Denoised { image, error: Some(error), is_raw })
+}
+
+/// Weights of the pixels of the cores, so that weighted means over them are estimates of those over
+/// the whole image.
+fn weights_of_tiles(tiles: &[SampledTile], weights: &[f64], image_width: u32) -> Vec<f64> {
+    let sampled = tiles.iter().map(|tile| tile.core.len()).sum::<usize>();
+    let scale = sampled as f64 / weights.len() as f64;
+    let of_tile = |tile: &SampledTile| {
+        let factor = scale * tile.factor;
+        let pixels = tile.core.indices(image_width);
+        pixels.map(move |index| factor * weights[index]).collect::<Vec<f64>>()
+    };
+    tiles.iter().flat_map(of_tile).collect()
+}
+
+/// Variance of the mean over sampled tiles, by the spread of their terms as if they were drawn
+/// independently. It is too large for a systematic sample.
+fn variance_between_tiles(
+    of_folds: &CrossValidation,
+    tiles: &[SampledTile],
+    weights: &[f64],
+) -> f64 {
+    let (mut start, mut terms) = (0, Vec::new());
+    for tile in tiles {
+        let pixels = start..start + tile.core.len();
+        start = pixels.end;
+        terms.push(pixels.map(|pixel| weights[pixel] * of_folds.squared(pixel)).sum::<f64>());
+    }
+    let n = terms.len() as f64;
+    let mean = terms.iter().sum::<f64>() / n;
+    let spread: f64 = terms.iter().map(|term| (term - mean).powi(2)).sum();
+    if n > 1.0 { spread * n / (n - 1.0) / (weights.len() as f64).powi(2) } else { f64::INFINITY }
+}
+
+/// Weights of squared errors from the luminance of an image: `1/(L_p^2 + 0.01 mean(L)^2)`.
+pub fn importance(image: &[Rgb]) -> Vec<f64> {
+    let luminance: Vec<f64> =
+        image.iter().map(|value| bdpm_core::film::radiance::luminance(value.as_dvec3())).collect();
+    luminance_weights(&luminance)
+}
+
+/// Layers of a file with the denoised image and its error.
+pub fn layers(denoised: &Denoised) -> Vec<Layer> {
+    let mut layers = vec![Layer::rgb("denoised", &denoised.image)];
+    if let Some(error) = &denoised.error {
+        let one = |name: &str, values: &[f32]| Layer {
+            name: name.into(),
+            channels: vec![("Y".into(), values.to_vec())],
+        };
+        if !error.map.is_empty() {
+            layers.push(one("denoised_error", &error.map));
+        }
+        layers.push(one("denoised_mix", &error.raw_share));
+    }
+    layers
+}

@@ -1,0 +1,7 @@
+//! Files of renders under way.
+
+pub mod checkpoint;
+pub mod denoise;
+pub mod layers;
+pub mod merge;
+pub mod recorded_camera;
