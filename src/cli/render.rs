@@ -8,7 +8,7 @@ use super::progress::Progress;
 use super::render_files::{Outputs, WRITE_PIXEL};
 use super::render_observer::RenderObserver;
 use super::scene_input::{SceneInput, SessionArgs};
-use super::settings_args::{OBJECTIVE, with_chosen_default, word};
+use super::settings_args::{OBJECTIVE, with_chosen_default, with_conflicts, word};
 use super::verbose;
 use super::view::ViewTarget;
 use super::{Output, say};
@@ -23,6 +23,7 @@ use bdpm::mpi;
 use bdpm::mpi::Ranks;
 use bdpm::output::checkpoint::Checkpoint;
 use bdpm::output::layers::{LayerName, LayerSelection};
+use bdpm::settings::combinations::{self, Asked, JobOptions};
 use bdpm::settings::provenance::Provenance;
 use bdpm::settings::{PartialSettings, Settings};
 use bdpm::timing::Timings;
@@ -32,7 +33,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 #[derive(clap::Args)]
-#[command(mut_args(with_chosen_default))]
+#[command(mut_args(with_chosen_default), mut_args(with_conflicts))]
 pub struct Args {
     #[command(flatten)]
     pub session: SessionArgs,
@@ -63,10 +64,10 @@ pub struct Args {
     #[arg(long, default_value = "relative", value_parser = word::<Objective>(OBJECTIVE))]
     objective: Objective,
     /// Render with the path counts, settings and iterations of this image
-    #[arg(long, value_name = "IMAGE.exr", conflicts_with_all = ["light_paths", "camera_paths"])]
+    #[arg(long, value_name = "IMAGE.exr")]
     pub plan: Option<PathBuf>,
     /// Choose path counts by these times of `calibrate` or `cargo bench --bench tau`
-    #[arg(long, value_name = "TIMES", conflicts_with = "plan")]
+    #[arg(long, value_name = "TIMES")]
     timings: Option<PathBuf>,
     /// Denoise the image and estimate its error; --target-error then applies to it
     #[arg(long)]
@@ -88,10 +89,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,
     /// Continue the image of this checkpoint, with its settings
-    #[arg(long, value_name = "FILE", conflicts_with = "plan")]
+    #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,
     /// Render part I of N of the iterations to --checkpoint, for `merge`
-    #[arg(long, value_name = "I/N", conflicts_with_all = ["target_error", "target_rms", "timings"])]
+    #[arg(long, value_name = "I/N")]
     part: Option<Shard>,
 }
 
@@ -136,7 +137,7 @@ fn render(args: &Args, ranks: &dyn Ranks) -> Result<Output> {
     }
     let job = args.job(&input, start, times).started(start_time).reserve_per_pixel(WRITE_PIXEL);
     if args.dry_run {
-        let outline = job.outline()?;
+        let outline = job.outline_on(ranks)?;
         if let Some(warning) = outline.warning.as_deref().filter(|_| !args.session.quiet) {
             say(&format!("warning: {warning}"));
         }
@@ -176,11 +177,11 @@ impl Args {
 
     /// Refuses to render a part that could not be merged.
     fn check_part(&self) -> Result<()> {
-        let Some(part) = self.part.filter(|_| self.checkpoint.is_none()) else { return Ok(()) };
-        Err(Error::new(
-            format!("part {part} needs a checkpoint, which `bdpm merge` reads"),
-            "give a file by --checkpoint, such as --checkpoint part.ckpt",
-        ))
+        let loses_part = self.part.is_some() && self.checkpoint.is_none();
+        let plain = PartialSettings::default();
+        let settings = Settings::resolve(&plain, &plain, 1.0)?;
+        let job = JobOptions { loses_part, ..JobOptions::default() };
+        combinations::check(&Asked { job, ..Asked::of(&settings) })
     }
 
     /// The shard from the command line.

@@ -2,6 +2,7 @@
 
 use bdpm::adaptive::technique::FreeParameters;
 use bdpm::scene::backend::Backend;
+use bdpm::settings::combinations::{COMBINATIONS, Outcome};
 use bdpm::settings::{Bias, Direct, Kernel, Length, MediumQuery, PartialSettings, Strategy};
 use clap::Arg;
 use clap::builder::{PossibleValue, PossibleValuesParser, StyledStr, TypedValueParser};
@@ -77,6 +78,16 @@ pub fn with_chosen_default(option: Arg) -> Arg {
     let help = option.get_help().map_or(String::new(), StyledStr::to_string);
     let (meaning, _) = help.split_once(" [default: ").expect("a fixed default");
     option.help(format!("{meaning} [default: chosen]"))
+}
+
+/// The option with the conflicts that the table of combinations lists.
+pub fn with_conflicts(option: Arg) -> Arg {
+    let name = option.get_long().map_or(String::new(), |name| format!("--{name}"));
+    let own = COMBINATIONS.iter().filter(|row| row.options[0] == name);
+    own.fold(option, |option, row| match row.outcome {
+        Outcome::Usage(others) => option.conflicts_with_all(others),
+        Outcome::Refused(_) | Outcome::Weakened => option,
+    })
 }
 
 impl From<&SettingsArgs> for PartialSettings {

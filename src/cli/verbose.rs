@@ -34,7 +34,8 @@ pub fn at_start(args: &Args, input: &SceneInput, state: &RenderState) -> Vec<Str
     lines
 }
 
-/// Lines of `--dry-run`: the settings that are known before the render.
+/// Lines of `--dry-run`: the settings that are known before the render, and options that do less
+/// than alone.
 pub fn before_render(args: &Args, input: &SceneInput, outline: &JobOutline) -> Vec<String> {
     let resolved = ResolvedSettings {
         settings: &outline.provenance.settings,
@@ -42,7 +43,9 @@ pub fn before_render(args: &Args, input: &SceneInput, outline: &JobOutline) -> V
         chosen: outline.pilot,
         is_open: true,
     };
-    settings_by_origin(args, input, &resolved)
+    let mut lines = settings_by_origin(args, input, &resolved);
+    lines.extend(outline.notes.iter().map(|note| format!("note: {note}")));
+    lines
 }
 
 /// The line about an image that started again with other settings.

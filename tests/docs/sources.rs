@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 
 /// All text files that may cite the documentation.
 fn sources() -> Vec<(PathBuf, String)> {
-    let folders = ["src", "tests", "examples", "benches", "scripts", "blender", "python", "sys"];
+    let folders =
+        ["crates", "src", "tests", "examples", "benches", "scripts", "blender", "python", "sys"];
     let kinds = ["rs", "py", "sh", "md"];
     let is_text =
         |path: &Path| path.extension().is_some_and(|e| kinds.iter().any(|kind| e == *kind));

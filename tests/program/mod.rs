@@ -1,6 +1,7 @@
 //! The program as its users meet it.
 
 mod automatic;
+mod combinations;
 mod denoise;
 mod glare;
 mod goniometer;

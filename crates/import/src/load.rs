@@ -22,6 +22,7 @@ use super::summary::SceneSummary;
 use super::text::{self, RELATIVE_NAME, list};
 use super::warnings::{self, Warning};
 use bdpm_core::base::error::{Error, Result};
+pub(super) use bdpm_core::base::input::extension;
 use bdpm_core::scene::transform::{MAX_COORDINATE, Transform};
 use bdpm_core::scene::{Material, Mesh, MeterSet, Region, Scene, check_mesh};
 use bdpm_core::settings::PartialSettings;
@@ -145,11 +146,6 @@ const KNOWN_TYPES: &str =
 
 const FROM_BLENDER: &str = "in Blender, choose File > Export > glTF 2.0 and give the .glb file, or render with the \
                             add-on (docs/how-to/blender.md)";
-
-/// The extension of a file name in lower case.
-pub(super) fn extension(path: &Path) -> String {
-    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
-}
 
 /// The name of the file, or that of its folder for the usual file name `scene.toml`.
 pub(super) fn scene_name(path: &Path) -> String {

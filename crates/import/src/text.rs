@@ -1,32 +1,17 @@
 //! Reading files, and lists for messages.
 
 use bdpm_core::base::error::{Error, Result};
-use bdpm_core::base::memory::{GIB, available_memory};
-use std::borrow::Cow;
+use bdpm_core::base::memory::available_memory;
 use std::io::Read;
 use std::path::Path;
 
 pub(super) use super::file_names::find;
 use super::gzip;
-pub(super) use bdpm_core::base::input::open;
+pub(super) use bdpm_core::base::input::{decoded, open, read_bytes};
+pub(super) use bdpm_core::base::memory::check_memory;
 
 /// Largest accepted scene file, bytes. Geometry belongs in OBJ files, which have no limit.
 const MAX_SCENE_FILE: u64 = 16 << 20;
-
-/// Reads a file, cut off at `limit` bytes.
-pub(super) fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    let file = open(path)?;
-    // Files may have holes, which take no space.
-    let length = file.metadata().map_or(0, |metadata| metadata.len()).min(limit);
-    check_memory(length as f64, available_memory()).map_err(|problem| {
-        let problem = format!("reading the file takes {problem}");
-        Error::new(problem, "give a smaller file").at(path)
-    })?;
-    let read = file.take(limit).read_to_end(&mut bytes);
-    read.map_err(|e| Error::io("read the file", path, e))?;
-    Ok(bytes)
-}
 
 /// Names the file, unless the error names one already.
 pub(super) fn placed_at(error: Error, path: &Path) -> Error {
@@ -58,18 +43,6 @@ pub(super) fn read(path: &Path) -> Result<String> {
 /// Peak memory of reading a model over the size of its text: 3.4 to 5.5 for a million triangles.
 const TIMES_IN_MEMORY: f64 = 6.0;
 
-/// Checks that `needed` bytes of memory are available; else the error has the rest of a sentence
-/// about them.
-pub(super) fn check_memory(needed: f64, available: Option<f64>) -> std::result::Result<(), String> {
-    match available {
-        Some(available) if needed > available => {
-            let [needed, available] = [needed, available].map(|bytes| bytes / GIB);
-            Err(format!("about {needed:.1} GiB of memory, but {available:.1} GiB are available"))
-        }
-        _ => Ok(()),
-    }
-}
-
 /// Reads an OBJ or MTL file of any size that fits in memory, without its byte order mark. If all
 /// line ends are those of old Macs, they become line feeds.
 pub(super) fn read_lines(path: &Path) -> Result<Vec<u8>> {
@@ -94,15 +67,6 @@ pub(super) fn read_lines(path: &Path) -> Result<Vec<u8>> {
 pub(super) fn unify_line_ends(text: &mut [u8]) {
     if memchr::memchr(b'\n', text).is_none() {
         text.iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
-    }
-}
-
-/// Bytes as text: UTF-8, else Latin-1, in which each byte is a character and different names stay
-/// different.
-pub(super) fn decoded(bytes: &[u8]) -> Cow<'_, str> {
-    match std::str::from_utf8(bytes) {
-        Ok(text) => Cow::Borrowed(text),
-        Err(_) => Cow::Owned(bytes.iter().map(|byte| char::from(*byte)).collect()),
     }
 }
 

@@ -5,7 +5,7 @@ use super::text::{check_memory, read_bytes};
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
 use bdpm_core::base::memory::available_memory;
-use bdpm_core::scene::{Texture, Wrap};
+use bdpm_core::scene::Texture;
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 use std::io::Cursor;
 use std::path::Path;
@@ -19,50 +19,41 @@ const TEXEL: f64 = 16.0;
 /// Maximum memory for decoding a picture, bytes: that of the largest one with 8 bits per channel.
 const MAX_MEMORY: u64 = 1 << 30;
 
-impl Texture {
-    /// Reads a picture file of the format that its content has. TGA files, whose content has no
-    /// signature, are recognized by their name.
-    ///
-    /// # Errors
-    /// If the file cannot be read, or its format is unknown.
-    pub(super) fn load(path: &Path) -> Result<Self> {
-        let bytes = read_bytes(path, MAX_FILE)?;
-        let extension = path.extension().and_then(|extension| extension.to_str());
-        let is_tga = extension.is_some_and(|extension| extension.eq_ignore_ascii_case("tga"));
-        Self::decode_as(&bytes, is_tga.then_some(ImageFormat::Tga)).map_err(|error| error.at(path))
-    }
+/// Reads a picture file of the format that its content has. TGA files, whose content has no
+/// signature, are recognized by their name.
+///
+/// # Errors
+/// If the file cannot be read, or its format is unknown.
+pub(super) fn load(path: &Path) -> Result<Texture> {
+    let bytes = read_bytes(path, MAX_FILE)?;
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    let is_tga = extension.is_some_and(|extension| extension.eq_ignore_ascii_case("tga"));
+    decode_as(&bytes, is_tga.then_some(ImageFormat::Tga)).map_err(|error| error.at(path))
+}
 
-    /// Reads a picture of colors. Those of a PNG file with another gamma than that of sRGB become
-    /// sRGB codes. Numbers, such as normals, are what a file stores, whatever its gamma is.
-    ///
-    /// # Errors
-    /// As [`Self::load`].
-    pub(super) fn load_colors(path: &Path) -> Result<Self> {
-        let texture = Self::load(path)?;
-        let bytes = read_bytes(path, MAX_FILE)?;
-        let Some(gamma) = png_gamma(&bytes) else { return Ok(texture) };
-        decoded_by(&bytes, gamma).map_err(|problem| unreadable(&problem).at(path))
-    }
+/// Reads a picture of colors. Those of a PNG file with another gamma than that of sRGB become
+/// sRGB codes. Numbers, such as normals, are what a file stores, whatever its gamma is.
+///
+/// # Errors
+/// As [`load`].
+pub(super) fn load_colors(path: &Path) -> Result<Texture> {
+    let texture = load(path)?;
+    let bytes = read_bytes(path, MAX_FILE)?;
+    let Some(gamma) = png_gamma(&bytes) else { return Ok(texture) };
+    decoded_by(&bytes, gamma).map_err(|problem| unreadable(&problem).at(path))
+}
 
-    /// Decodes the content of a picture file of any format that has a signature.
-    ///
-    /// # Errors
-    /// If the format is unknown, or the content is malformed.
-    pub(super) fn decode(bytes: &[u8]) -> Result<Self> {
-        Self::decode_as(bytes, None)
-    }
+/// Decodes the content of a picture file of any format that has a signature.
+///
+/// # Errors
+/// If the format is unknown, or the content is malformed.
+pub(super) fn decode(bytes: &[u8]) -> Result<Texture> {
+    decode_as(bytes, None)
+}
 
-    /// Decodes a picture. `default` is the format of content without a signature.
-    fn decode_as(bytes: &[u8], default: Option<ImageFormat>) -> Result<Self> {
-        decoded(bytes, default).map_err(|problem| unreadable(&problem))
-    }
-
-    /// The texture with each texel changed, and the same sampling.
-    pub(super) fn map_texels(&self, change: impl Fn([u8; 4]) -> [u8; 4]) -> Self {
-        let [width, height] = self.size();
-        let texels = self.texels().iter().map(|texel| change(*texel)).collect();
-        Self::new(width, height, texels).sampled(self.sampling())
-    }
+/// Decodes a picture. `default` is the format of content without a signature.
+fn decode_as(bytes: &[u8], default: Option<ImageFormat>) -> Result<Texture> {
+    decoded(bytes, default).map_err(|problem| unreadable(&problem))
 }
 
 fn unreadable(problem: &str) -> Error {
@@ -104,20 +95,6 @@ fn decoded_by(bytes: &[u8], gamma: f64) -> Decoded<Texture> {
 /// The linear color of a texel, without its opacity.
 pub(super) fn linear_color([r, g, b, _]: [u8; 4]) -> Rgb {
     srgb::decode([r, g, b].map(|code| f64::from(code) / 255.0))
-}
-
-impl Wrap {
-    /// Names in scene files.
-    pub(super) const NAMES: &[&str] = &["repeat", "mirror", "clamp"];
-
-    /// The name in scene files.
-    pub(super) fn name(self) -> &'static str {
-        Self::NAMES[self as usize]
-    }
-
-    pub(super) fn from_name(name: &str) -> Option<Self> {
-        [Self::Repeat, Self::Mirror, Self::Clamp].into_iter().find(|wrap| wrap.name() == name)
-    }
 }
 
 /// Results of decoders, whose error is the problem in words.

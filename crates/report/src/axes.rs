@@ -29,7 +29,9 @@ pub struct LogPlot<'a> {
     pub names: [&'a str; 2],
     /// Ticks of each axis.
     pub ticks: [Ticks<'a>; 2],
+    /// Curves, in the order of drawing.
     pub curves: Vec<Curve<'a>>,
+    /// Marks, drawn over the curves.
     pub marks: Vec<Mark<'a>>,
     /// Class and label of each entry of the legend inside the plot.
     pub legend: Vec<(&'a str, String)>,
@@ -39,6 +41,7 @@ pub struct LogPlot<'a> {
 pub struct Curve<'a> {
     /// Class in the style sheet.
     pub class: &'a str,
+    /// Points, from left to right.
     pub points: Vec<[f64; 2]>,
 }
 
@@ -46,6 +49,7 @@ pub struct Curve<'a> {
 pub struct Mark<'a> {
     /// Class in the style sheet.
     pub class: &'a str,
+    /// Its place.
     pub at: [f64; 2],
 }
 

@@ -1,16 +1,16 @@
 //! Numbers in pages.
 
-use bdpm_auto::adaptive::optimize::predict::Predicted;
 use bdpm_core::image_io::digits;
 use maud::{Markup, html};
 
 /// A value with two digits of its standard error, or four digits of a value without a standard
 /// error.
-pub fn shown(value: Predicted) -> Markup {
-    let error = value.error.filter(|error| error.is_finite() && *error > 0.0);
-    let digits = digits(value.value, error.unwrap_or(0.0));
+pub fn shown(estimate: impl Into<(f64, Option<f64>)>) -> Markup {
+    let (value, error) = estimate.into();
+    let error = error.filter(|error| error.is_finite() && *error > 0.0);
+    let digits = digits(value, error.unwrap_or(0.0));
     html! {
-        (format!("{:.digits$}", value.value))
+        (format!("{value:.digits$}"))
         @if let Some(error) = error {
             span .error { " ± " (format!("{error:.digits$}")) }
         }
@@ -46,7 +46,7 @@ mod tests {
 
     #[test]
     fn error_has_two_digits_and_count_has_groups_of_three() {
-        let value = |value, error| shown(Predicted { value, error }).into_string();
+        let value = |value: f64, error: Option<f64>| shown((value, error)).into_string();
         assert_eq!(value(0.29884, Some(0.00123)), "0.2988<span class=\"error\"> ± 0.0012</span>");
         assert_eq!(value(0.29884, None), "0.2988");
         assert_eq!(value(1.0, Some(f64::INFINITY)), "1.000");

@@ -2,7 +2,8 @@
 
 use super::error::{Error, Result};
 use super::file_id::FileId;
-use super::memory::{GIB, available_memory};
+use super::memory::{GIB, available_memory, check_memory};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
@@ -75,6 +76,38 @@ pub fn read_text(path: &Path) -> Result<String> {
     let bytes = read_at_most(&mut open_any(path)?, path, MAX_TEXT)?;
     String::from_utf8(bytes)
         .map_err(|_| Error::new("this is no UTF-8 text", "check the path").at(path))
+}
+
+/// Reads a file, cut off at `limit` bytes.
+///
+/// # Errors
+/// If it cannot be read or memory does not suffice; names `path`.
+pub fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let file = open(path)?;
+    // Files may have holes, which take no space.
+    let length = file.metadata().map_or(0, |metadata| metadata.len()).min(limit);
+    check_memory(length as f64, available_memory()).map_err(|problem| {
+        let problem = format!("reading the file takes {problem}");
+        Error::new(problem, "give a smaller file").at(path)
+    })?;
+    let read = file.take(limit).read_to_end(&mut bytes);
+    read.map_err(|e| Error::io("read the file", path, e))?;
+    Ok(bytes)
+}
+
+/// Bytes as text: UTF-8, else Latin-1, in which each byte is a character and different names stay
+/// different.
+pub fn decoded(bytes: &[u8]) -> Cow<'_, str> {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Cow::Borrowed(text),
+        Err(_) => Cow::Owned(bytes.iter().map(|byte| char::from(*byte)).collect()),
+    }
+}
+
+/// The extension of a file name in lower case.
+pub fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
 /// Reads a file or pipe that begins with `magic`, up to half the available memory; of others at

@@ -15,6 +15,21 @@ pub fn available_memory() -> Option<f64> {
     all.into_iter().flatten().reduce(f64::min).map(|bytes| bytes.max(0.0))
 }
 
+/// Checks that `needed` bytes of memory are available; else the error has the rest of a sentence
+/// about them.
+///
+/// # Errors
+/// The rest of a sentence: how much is needed and available.
+pub fn check_memory(needed: f64, available: Option<f64>) -> std::result::Result<(), String> {
+    match available {
+        Some(available) if needed > available => {
+            let [needed, available] = [needed, available].map(|bytes| bytes / GIB);
+            Err(format!("about {needed:.1} GiB of memory, but {available:.1} GiB are available"))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn of_machine() -> Option<f64> {
     kib(&read_to_string("/proc/meminfo").ok()?, "MemAvailable:")
 }

@@ -10,6 +10,6 @@ pub mod names;
 pub mod memory;
 pub mod iteration_set;
 pub mod photometry;
-pub(crate) mod pool;
+pub mod pool;
 pub mod rng;
 pub mod spectrum;

@@ -12,7 +12,7 @@ use crate::film::radiance::PixelSums;
 use crate::film::statistic::StatisticRequest;
 use crate::scene::bsdf::Bsdf;
 use crate::scene::{Media, Scene};
-use crate::settings::{Bias, Settings, Strategy};
+use crate::settings::{Bias, Settings};
 use crate::transport::mis::weights::PhotonPartials;
 use crate::transport::photon::Photon;
 use crate::transport::room::Room;
@@ -35,8 +35,7 @@ pub(super) fn bytes_per_light_path(scene: &Scene, settings: &Settings) -> f64 {
 /// the map, where its normal takes 4 bytes more, with up to eight buckets. MIS adds partials each
 /// time.
 fn bytes_per_photon(settings: &Settings) -> f64 {
-    let weight =
-        if settings.strategy == Strategy::Single { 0 } else { size_of::<PhotonPartials>() };
+    let weight = if settings.strategy.is_weighted() { size_of::<PhotonPartials>() } else { 0 };
     (3 * (size_of::<Photon>() + weight) + 2 * 4 + 4 + 8 * 4) as f64
 }
 

@@ -34,7 +34,8 @@ use crate::film::radiance::Film;
 use crate::film::statistic::{BatchGrain, StatisticRequest};
 use crate::scene::lights::guide::Guide;
 use crate::scene::{Media, Scene, View};
-use crate::settings::{AllowedLightPaths, Kernel, MAX_LIGHT_PATHS, Settings, Strategy};
+use crate::settings::combinations::{self, Asked};
+use crate::settings::{AllowedLightPaths, Kernel, MAX_LIGHT_PATHS, Settings};
 use crate::transport::area::Areas;
 use crate::transport::clearance::Clearance;
 use crate::transport::kernel::MergeKernel;
@@ -104,6 +105,7 @@ impl RenderConfig {
         Self { grain: BatchGrain::Pixel, ..Self::default() }
     }
 
+    /// The statistics of an image with these settings.
     pub fn request<'a>(&self, settings: &'a Settings) -> StatisticRequest<'a> {
         let Self { aovs, grain, .. } = *self;
         StatisticRequest { settings, aovs, grain, measured_before: None }
@@ -144,17 +146,6 @@ pub fn check_has_light(scene: &Scene) -> Result<()> {
         return Ok(());
     }
     Err(Error::new("the scene has no light", "add a [[light]], or give a material some emission"))
-}
-
-/// Refuses the strategies whose weights do not hold in the media of the scene.
-fn check_media(scene: &Scene, settings: &Settings) -> Result<()> {
-    let is_weighted = matches!(settings.strategy, Strategy::Mis | Strategy::CutMis);
-    if !is_weighted || scene.media().is_none_or(Media::allows_weighted_merges) {
-        return Ok(());
-    }
-    let problem =
-        "the strategies `mis` and `cut-mis` support only media that absorb, inside of glass";
-    Err(Error::new(problem, "use the strategy `single` or `path`"))
 }
 
 impl Renderer {
@@ -214,7 +205,7 @@ impl Renderer {
         let request = config.request(&settings);
         check_memory(scene, &request, settings.light_paths)?;
         check_has_light(scene)?;
-        check_media(scene, &settings)?;
+        combinations::check(&Asked { scene: scene.facts(), ..Asked::of(&settings) })?;
         let counts = Counts::uniform(settings.light_paths, settings.camera_paths);
         let blocks = vec![Block::new(&request, 0, counts)];
         let areas = areas(&settings);

@@ -3,6 +3,7 @@
 use super::glasses;
 use crate::base::error::{Error, Result};
 use crate::base::spectrum::Wavelength;
+use serde::Serialize;
 
 /// Wavelengths of the Fraunhofer lines F, d and C, nm: glass catalogs give indices there.
 pub const LINES: [f64; 3] = [486.1327, 587.5618, 656.2725];
@@ -147,9 +148,11 @@ fn sellmeier(terms: &[[f64; 2]], l2: f64) -> f64 {
 }
 
 /// The media on both sides of a dispersive interface, and the index behind it over that in front.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Dispersion {
+    #[serde(skip)]
     inside: RefractiveIndex,
+    #[serde(skip)]
     outside: RefractiveIndex,
     /// For each wavelength.
     relative: Vec<f32>,

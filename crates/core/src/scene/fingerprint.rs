@@ -1,364 +1,101 @@
 //! A 64-bit fingerprint that identifies a scene.
 
-use super::texture::{Sampling, Texture};
-use super::{
-    AimedDistribution, Camera, Directional, Emitter, Environment, Extent, FieldOfView, InsetGrid,
-    Material, Medium, MediumBoundary, Mesh, Meter, MeterKind, Meters, NormalMap, Optics, Placement,
-    Scene,
-};
-use crate::base::math::Rgb;
-use crate::scene::bsdf::{Bsdf, FacetModel, Facets, PrincipledParameters, Reflectance};
-use glam::Vec3;
+use super::{Camera, Emitter, Environment, Material, Medium, Meters, Scene, Texture, Transform};
+use rayon::prelude::*;
+use serde::{Serialize, Serializer};
+use std::io::BufWriter;
 use xxhash_rust::xxh3::Xxh3Default;
+
+/// Everything that an image depends on. Types of the scene leave out of their serialization what
+/// does not count (names) and what follows from the rest (tables for sampling, means of BSDFs),
+/// which may differ between machines by rounding.
+#[derive(Serialize)]
+struct Content<'a> {
+    /// Fingerprint of the mesh, material and transform.
+    placements: Vec<(u64, u32, Option<&'a Transform>)>,
+    materials: &'a [Material],
+    environment: Option<&'a Environment>,
+    /// Without those on surfaces, which follow from meshes and materials.
+    emitters: Vec<&'a Emitter>,
+    /// If it is not that of the size of the scene.
+    ray_offset: Option<f32>,
+    camera: &'a Camera,
+    meters: Option<&'a Meters>,
+    filling_medium: Option<&'a Medium>,
+}
 
 impl Scene {
     /// A hash (XXH3) of everything that an image depends on: geometry, materials, lights and
     /// camera, bit by bit and in order. Names, regions and paths of files do not count. It is the
     /// same on every machine.
+    ///
+    /// A mesh that several placements share counts once: copies of it are another scene.
     pub fn fingerprint(&self) -> u64 {
-        let mut hash = Hash(Xxh3Default::new());
-        // Every list starts with its length: no two scenes write the same bytes.
-        hash.count(self.placements.len());
-        for Placement { mesh, material, transform } in self.placements.iter() {
-            hash.u32(*material);
-            let mesh = &self.meshes[*mesh as usize];
-            match transform {
-                None => hash.mesh(mesh),
-                // Instances and copies have one fingerprint.
-                Some(transform) => hash.mesh(&mesh.moved(transform)),
-            }
-        }
-        hash.count(self.materials.len());
-        self.materials.iter().for_each(|material| hash.material(material));
-        // Emissive triangles follow from meshes and materials.
-        if let Some(environment) = self.lights.environment() {
-            hash.environment(environment);
-        }
-        for emitter in self.lights.emitters() {
-            hash.emitter(emitter);
-        }
-        if let Some(distance) = self.own_ray_offset() {
-            hash.text("ray offset");
-            hash.f32(distance);
-        }
-        hash.camera(&self.camera);
-        if let Some(meters) = self.meters() {
-            hash.meters(meters);
-        }
-        if let Some(medium) = self.filling_medium() {
-            hash.text("filling medium");
-            hash.medium(medium);
-        }
-        hash.0.digest()
+        let meshes: Vec<u64> = self.meshes.par_iter().map(hash).collect();
+        let placements = self.placements.iter();
+        let emitters = self.lights.emitters().iter();
+        hash(&Content {
+            placements: placements
+                .map(|own| (meshes[own.mesh as usize], own.material, own.transform.as_ref()))
+                .collect(),
+            materials: &self.materials,
+            environment: self.lights.environment(),
+            emitters: emitters.filter(|emitter| emitter.is_delta()).collect(),
+            ray_offset: self.own_ray_offset(),
+            camera: &self.camera,
+            meters: self.meters(),
+            filling_medium: self.filling_medium().map(AsRef::as_ref),
+        })
     }
 }
 
-struct Hash(Xxh3Default);
+/// The hash of a value in the binary format of `postcard`, in which lists begin with their lengths
+/// and variants with their numbers: different values have different bytes.
+fn hash(value: &(impl Serialize + ?Sized)) -> u64 {
+    let writer = BufWriter::with_capacity(1 << 16, Xxh3Default::new());
+    let writer = postcard::to_io(value, writer).expect("hashing does not fail");
+    let Ok(hash) = writer.into_inner() else { unreachable!("hashing does not fail") };
+    hash.digest()
+}
 
-impl Hash {
-    fn u32(&mut self, value: u32) {
-        self.0.update(&value.to_le_bytes());
+/// Bytes, written as a whole.
+struct Bytes<'a>(&'a [u8]);
+
+impl Serialize for Bytes<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_bytes(self.0)
     }
+}
 
-    fn count(&mut self, value: usize) {
-        self.0.update(&(value as u64).to_le_bytes());
+impl Serialize for Texture {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let texels = Bytes(self.texels().as_flattened());
+        (self.size(), texels, self.sampling()).serialize(serializer)
     }
+}
 
-    fn text(&mut self, value: &str) {
-        self.0.update(value.as_bytes());
-    }
-
-    fn f32(&mut self, value: f32) {
-        self.u32(value.to_bits());
-    }
-
-    fn vec3(&mut self, value: Vec3) {
-        value.to_array().into_iter().for_each(|value| self.f32(value));
-    }
-
-    /// Writes a tag and vectors, then numbers.
-    fn record(&mut self, tag: u32, vectors: &[Vec3], numbers: &[f32]) {
-        self.u32(tag);
-        vectors.iter().for_each(|&vector| self.vec3(vector));
-        numbers.iter().for_each(|&number| self.f32(number));
-    }
-
-    /// Writes a list of vectors after its name; nothing if it is empty.
-    fn vertex_list(&mut self, name: &str, vectors: &[Vec3]) {
-        if !vectors.is_empty() {
-            self.text(name);
-            vectors.iter().for_each(|&vector| self.vec3(vector));
-        }
-    }
-
-    fn mesh(&mut self, mesh: &Mesh) {
-        self.count(mesh.positions.len());
-        mesh.positions.iter().for_each(|&position| self.vec3(position));
-        self.vertex_list("normals", &mesh.normals);
-        if !mesh.uvs.is_empty() {
-            self.text("uvs");
-            mesh.uvs.iter().for_each(|uv| uv.to_array().into_iter().for_each(|x| self.f32(x)));
-        }
-        self.vertex_list("tangents", &mesh.tangents);
-        self.vertex_list("colors", &mesh.colors);
-        self.count(mesh.triangles.len());
-        mesh.triangles.iter().flatten().for_each(|&index| self.u32(index));
-    }
-
-    fn medium(&mut self, medium: &Medium) {
-        let Medium { name: _, absorption, scattering, asymmetry, priority } = medium;
-        let vectors = [*absorption, *scattering];
-        self.record(*priority as u32, &vectors, &[*asymmetry]);
-    }
-
-    fn material(&mut self, material: &Material) {
-        let Material {
-            name: _,
-            bsdf,
-            dispersion,
-            albedo_texture,
-            metallic_roughness_texture,
-            opacity_texture,
-            opacity,
-            normal_map,
-            emission,
-            emission_texture,
-            luminous_opening,
-            hidden_from_camera,
-            boundary,
-        } = material;
-        if let Some(MediumBoundary { interior, exterior }) = boundary {
-            for (name, medium) in [("interior", interior), ("exterior", exterior)] {
-                if let Some(medium) = medium {
-                    self.text(name);
-                    self.medium(medium);
-                }
-            }
-        }
-        for (name, texture) in [
-            ("albedo", albedo_texture),
-            ("metallic roughness", metallic_roughness_texture),
-            ("opacity", opacity_texture),
-            ("emission", emission_texture),
-        ] {
-            if let Some(texture) = texture {
-                self.text(name);
-                self.texture(texture);
-            }
-        }
-        if let Some(NormalMap { texture, scale }) = normal_map {
-            self.text("normal");
-            self.texture(texture);
-            self.f32(*scale);
-        }
-        if let Some(opacity) = opacity {
-            self.text("translucent");
-            self.f32(*opacity);
-        }
-        if *hidden_from_camera {
-            self.text("hidden");
-        }
-        if let Some(opening) = luminous_opening {
-            self.text(if opening.is_flat() { "flat opening" } else { "opening" });
-            self.aimed(opening.aimed());
-        }
-        if let Some(dispersion) = dispersion {
-            self.text("dispersion");
-            dispersion.all_relative().iter().for_each(|&index| self.f32(index));
-        }
-        self.bsdf(bsdf);
-        self.vec3(*emission);
-    }
-
-    fn texture(&mut self, texture: &Texture) {
-        texture.size().into_iter().for_each(|size| self.u32(size));
-        self.0.update(texture.texels().as_flattened());
-        let Sampling { wrap, nearest } = texture.sampling();
-        if texture.sampling() != Sampling::default() {
-            self.text("sampled");
-            wrap.into_iter().for_each(|wrap| self.u32(wrap as u32));
-            self.u32(nearest.into());
-        }
-    }
-
-    fn bsdf(&mut self, bsdf: &Bsdf) {
-        match bsdf {
-            Bsdf::Lambertian { albedo, two_sided: true } => self.record(1, &[*albedo], &[]),
-            Bsdf::Lambertian { albedo, two_sided: false } => self.record(2, &[*albedo], &[]),
-            Bsdf::Mirror { reflectance } => self.record(3, &[*reflectance], &[]),
-            Bsdf::Dielectric(interface) => {
-                self.record(4, &[], &[interface.eta]);
-                self.transmittance(interface.transmittance);
-            }
-            Bsdf::ThinDielectric(sheet) => {
-                self.record(5, &[], &[sheet.eta]);
-                self.transmittance(sheet.transmittance);
-            }
-            Bsdf::Conductor(conductor) => {
-                let alpha = conductor.alpha();
-                match conductor.reflectance() {
-                    Reflectance::Measured { eta, k } => self.record(6, &[eta, k], &[alpha]),
-                    Reflectance::Artist { normal } => self.record(7, &[normal], &[alpha]),
-                }
-                if let Some((model, tint)) = conductor.single() {
-                    self.text("once");
-                    self.record(model as u32, &[tint], &[]);
-                }
-            }
-            Bsdf::RoughDielectric(interface) => {
-                self.record(8, &[], &[interface.eta(), interface.alpha()]);
-                if interface.model() != FacetModel::Correlated {
-                    self.text("facets");
-                    self.u32(interface.model() as u32);
-                }
-                self.transmittance(interface.transmittance());
-            }
-            Bsdf::Coated(coated) => self.record(9, &[coated.albedo()], &[coated.eta()]),
-            Bsdf::Glossy(glossy) => {
-                let numbers = [glossy.metallic(), glossy.normal_reflectance(), glossy.alpha()];
-                self.record(10, &[glossy.albedo()], &numbers);
-            }
-            Bsdf::Plastic(plastic) => {
-                let Facets { model, alpha } = plastic.facets();
-                self.record(11, &[plastic.albedo(), plastic.tint()], &[plastic.eta(), alpha]);
-                self.u32(model as u32);
-                self.u32(plastic.is_nonlinear().into());
-            }
-            Bsdf::Principled(principled) => {
-                let PrincipledParameters {
-                    base_color,
-                    roughness,
-                    anisotropic,
-                    metallic,
-                    spec_trans,
-                    eta,
-                    spec_tint,
-                    sheen,
-                    sheen_tint,
-                    flatness,
-                    clearcoat,
-                    clearcoat_gloss,
-                    two_sided,
-                } = *principled.parameters();
-                let numbers = [
-                    roughness,
-                    anisotropic,
-                    metallic,
-                    spec_trans,
-                    eta,
-                    spec_tint,
-                    sheen,
-                    sheen_tint,
-                    flatness,
-                    clearcoat,
-                    clearcoat_gloss,
-                ];
-                self.record(12, &[base_color], &numbers);
-                self.u32(two_sided.into());
-            }
-        }
-    }
-
-    fn transmittance(&mut self, color: Rgb) {
-        if color != Rgb::ONE {
-            self.text("tinted");
-            self.vec3(color);
-        }
-    }
-
-    fn environment(&mut self, environment: &Environment) {
-        environment.size().into_iter().for_each(|size| self.u32(size));
-        environment.pixels().for_each(|pixel| self.vec3(pixel));
-        self.f32(environment.turn());
-        if let Some((InsetGrid { first, replaced, size }, pixels)) = environment.inset() {
-            self.text("inset");
-            [first, replaced, size].into_iter().flatten().for_each(|count| self.u32(count));
-            pixels.for_each(|pixel| self.vec3(pixel));
-        }
-    }
-
-    fn emitter(&mut self, emitter: &Emitter) {
-        match emitter {
-            Emitter::Point { position, intensity } => self.record(1, &[*position, *intensity], &[]),
-            Emitter::Spot(spot) => {
-                let vectors = [spot.position, spot.direction, spot.intensity];
-                self.record(2, &vectors, &[spot.cos_inner, spot.cos_outer]);
-            }
-            Emitter::Directional(Directional { direction, irradiance, .. }) => {
-                self.record(3, &[*direction, *irradiance], &[]);
-            }
-            Emitter::Luminaire(lamp) => {
-                self.record(4, &[lamp.position], &[]);
-                self.aimed(&lamp.aimed);
-            }
-            Emitter::Triangle { .. } | Emitter::Textured(_) | Emitter::Opening(_) => {}
-        }
-    }
-
-    fn aimed(&mut self, aimed: &AimedDistribution) {
-        let own = aimed.distribution();
-        self.u32(own.photometry() as u32);
-        let lists = [own.polar(), own.azimuth(), own.values(), &aimed.axes().to_cols_array()];
-        for list in lists {
-            self.count(list.len());
-            list.iter().for_each(|value| self.0.update(&value.to_bits().to_le_bytes()));
-        }
-        self.vec3(aimed.factor());
-    }
-
-    fn camera(&mut self, camera: &Camera) {
-        let frame = [camera.position(), camera.direction(), camera.up()];
-        frame.into_iter().for_each(|vector| self.vec3(vector));
-        if camera.shift() != [0.0; 2] {
-            self.text("shifted");
-            camera.shift().into_iter().for_each(|share| self.f32(share));
-        }
-        match camera.optics() {
-            Optics::Pinhole(field_of_view) => self.field_of_view(field_of_view),
-            Optics::ThinLens { field_of_view, aperture_radius, focus_distance } => {
-                self.u32(3);
-                self.field_of_view(field_of_view);
-                self.f32(aperture_radius);
-                self.f32(focus_distance);
-            }
-            Optics::Sensor { width, disc_distance, disc_radius, exposure } => {
-                self.record(4, &[], &[width, disc_distance, disc_radius, exposure]);
-            }
-            Optics::Orthographic(Extent::X(across)) => self.record(5, &[], &[across]),
-            Optics::Orthographic(Extent::Y(across)) => self.record(6, &[], &[across]),
-            Optics::Panorama => self.record(7, &[], &[]),
-            Optics::Fisheye { projection, field_of_view } => {
-                self.record(8 + projection as u32, &[], &[field_of_view]);
-            }
-        }
-    }
-
-    fn meters(&mut self, meters: &Meters) {
-        self.text("meters");
-        self.u32(u32::from(meters.kind == MeterKind::Irradiance));
-        self.count(meters.list.len());
-        for Meter { position, normal, half_angle } in &meters.list {
-            self.record(0, &[*position, *normal], &[*half_angle]);
-        }
-    }
-
-    fn field_of_view(&mut self, field_of_view: FieldOfView) {
-        match field_of_view {
-            FieldOfView::X(degrees) => self.record(1, &[], &[degrees]),
-            FieldOfView::Y(degrees) => self.record(2, &[], &[degrees]),
-        }
+impl Serialize for Environment {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let pixels: Vec<_> = self.pixels().collect();
+        let inset = self.inset().map(|(grid, pixels)| (grid, pixels.collect::<Vec<_>>()));
+        (self.size(), pixels, self.turn(), inset).serialize(serializer)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::math::Rgb;
     use crate::scene::bsdf::{
-        Coated, Conductor, Dielectric, Glossy, Plastic, RoughDielectric, ThinDielectric,
+        Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Plastic, Reflectance,
+        RoughDielectric, ThinDielectric,
     };
-    use crate::scene::texture::Wrap;
-    use crate::scene::{FisheyeProjection, Region, Spot};
-    use glam::Vec2;
+    use crate::scene::texture::{Sampling, Wrap};
+    use crate::scene::{
+        Arrangement, Directional, Extent, FieldOfView, FisheyeProjection, Mesh, NormalMap, Optics,
+        Placement, Region, Spot,
+    };
+    use glam::{DAffine3, DVec3, Vec2, Vec3};
     use std::sync::Arc;
 
     fn metal(name: &str, alpha: f32) -> Bsdf {
@@ -555,6 +292,40 @@ mod tests {
         seen.sort_unstable();
         seen.dedup();
         assert_eq!(seen.len(), count);
+    }
+
+    #[test]
+    fn mesh_material_and_transform_of_each_placement_count() {
+        let mesh = |x: f32| Mesh {
+            positions: vec![Vec3::ZERO, x * Vec3::X, Vec3::Y],
+            triangles: vec![[0, 1, 2]],
+            ..Mesh::default()
+        };
+        let fingerprint = |placed: [(u32, u32, f64); 2]| {
+            let place = |(mesh, material, x): (u32, u32, f64)| {
+                let moved = Transform::new(DAffine3::from_translation(DVec3::X * x)).unwrap();
+                Placement { mesh, material, transform: (x > 0.0).then_some(moved) }
+            };
+            let placements = placed.map(place).to_vec();
+            let arrangement = Arrangement { meshes: vec![mesh(1.0), mesh(2.0)], placements };
+            let material = |albedo| Material::new("m", Bsdf::diffuse(Rgb::splat(albedo)));
+            let SceneParts { lights, eye, up, optics, .. } = parts();
+            let camera = Camera::with_optics(eye, Vec3::Z, up, optics).unwrap();
+            let materials = vec![material(0.5), material(0.6)];
+            let scene = Scene::new("".into(), arrangement, materials, lights, camera, vec![]);
+            scene.unwrap().fingerprint()
+        };
+        let first = fingerprint([(0, 0, 1.0), (1, 0, 0.0)]);
+        assert_eq!(first, fingerprint([(0, 0, 1.0), (1, 0, 0.0)]));
+        for changed in [
+            [(0, 0, 2.0), (1, 0, 0.0)],
+            [(0, 1, 1.0), (1, 0, 0.0)],
+            [(1, 0, 1.0), (1, 0, 0.0)],
+            [(0, 0, 1.0), (0, 0, 0.0)],
+            [(1, 0, 1.0), (0, 0, 0.0)],
+        ] {
+            assert_ne!(first, fingerprint(changed), "{changed:?}");
+        }
     }
 
     #[test]

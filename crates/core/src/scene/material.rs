@@ -7,12 +7,14 @@ use super::{Dispersion, NormalMap, Texture};
 use crate::base::math::Rgb;
 use crate::scene::bsdf::Bsdf;
 use glam::{Vec2, Vec3};
+use serde::Serialize;
 use std::sync::Arc;
 
 /// The material of a surface.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Material {
     /// Name in the scene or MTL file.
+    #[serde(skip)]
     pub name: String,
     /// The scattering function.
     pub bsdf: Bsdf,

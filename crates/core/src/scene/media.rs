@@ -11,6 +11,7 @@ use crate::accel::{Hit, Intersect, Ray, next_after};
 use crate::base::error::{Error, Result};
 use crate::base::math::{Bounds, Rgb};
 use glam::Vec3;
+use serde::Serialize;
 use std::sync::Arc;
 
 /// Number of the set of media that a path is inside of.
@@ -23,7 +24,7 @@ impl MediumState {
 }
 
 /// The media that a material separates.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct MediumBoundary {
     /// Medium behind the surface; `None` if nothing is known of it.
     pub interior: Option<Arc<Medium>>,

@@ -6,12 +6,14 @@
 use crate::base::math::{Frame, Rgb};
 use crate::base::rng::Rng;
 use glam::Vec3;
+use serde::Serialize;
 use std::f32::consts::{PI, TAU};
 
 /// A homogeneous medium.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Medium {
     /// Name in the scene file.
+    #[serde(skip)]
     pub name: String,
     /// Absorption coefficient `sigma_a`, 1/scene unit; not negative.
     pub absorption: Rgb,

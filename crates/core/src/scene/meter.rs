@@ -7,10 +7,11 @@ use crate::accel::Ray;
 use crate::base::error::{Error, Result};
 use crate::base::math::{Frame, cosine_hemisphere};
 use glam::Vec3;
+use serde::Serialize;
 use std::f32::consts::{PI, TAU};
 
 /// The quantity that a set of meters measures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 pub enum MeterKind {
     /// Irradiance on a plane: the pixel's value is `pi` times the mean radiance over
     /// cosine-distributed directions of the hemisphere around the normal, W/m^2. Light that arrives
@@ -21,7 +22,7 @@ pub enum MeterKind {
 }
 
 /// A meter.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Meter {
     /// Position, scene units. A point on a surface measures the light that arrives at the surface.
     pub position: Vec3,
@@ -83,7 +84,7 @@ impl Meter {
 }
 
 /// The meters of a scene.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Meters {
     /// Quantity that all of them measure.
     pub kind: MeterKind,

@@ -59,6 +59,7 @@ pub use validate::check_mesh;
 
 use crate::base::error::Result;
 use crate::base::math::Bounds;
+use crate::settings::combinations::SceneFacts;
 use diffuse::TriangleSide;
 use hit::Lambertian;
 use lights::guide::Guide;
@@ -247,6 +248,15 @@ impl Scene {
     /// All lights, emissive triangles among them.
     pub fn lights(&self) -> &Lights {
         &self.lights
+    }
+
+    /// What decides about options of a render.
+    pub fn facts(&self) -> SceneFacts {
+        SceneFacts {
+            allows_weighted_merges: self.media().is_none_or(Media::allows_weighted_merges),
+            any_medium_scatters: self.media().is_some_and(Media::any_scatters),
+            any_disperses: self.materials.iter().any(|material| material.dispersion.is_some()),
+        }
     }
 
     /// Distance off surfaces at which rays start besides rounding errors, scene units, if it was

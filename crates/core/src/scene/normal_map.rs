@@ -2,6 +2,7 @@
 
 use super::Texture;
 use glam::{Vec2, Vec3};
+use serde::Serialize;
 use std::sync::Arc;
 
 /// Minimum cosine between a bent normal and that of the triangle.
@@ -9,7 +10,7 @@ const LEAST_COSINE: f32 = 1e-2;
 
 /// A map of normals in tangent space: red is along growing `u`, green along growing `v` (up in the
 /// texture), blue off the surface.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NormalMap {
     /// The texture whose [`Texture::vector`] are the normals.
     pub texture: Arc<Texture>,

@@ -2,6 +2,7 @@
 
 use crate::base::math::Rgb;
 use glam::{DVec3, Vec2, Vec3, Vec4};
+use serde::Serialize;
 use std::sync::{Arc, LazyLock};
 
 /// A texture of 8 bits per channel. `u` runs right and `v` up over [0, 1]; [`Sampling`] defines
@@ -17,7 +18,7 @@ pub struct Texture {
 }
 
 /// Values of a texture between its texels and outside its edges.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize)]
 pub struct Sampling {
     /// Wrapping outside the edges, along `u` and `v`.
     pub wrap: [Wrap; 2],
@@ -26,7 +27,7 @@ pub struct Sampling {
 }
 
 /// Continuation of a texture outside its edges.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize)]
 pub enum Wrap {
     /// Repeated.
     #[default]
@@ -35,6 +36,21 @@ pub enum Wrap {
     Mirror,
     /// The value at the edge.
     Clamp,
+}
+
+impl Wrap {
+    /// All ways to wrap, by their names in files.
+    pub const NAMES: &[&str] = &["repeat", "mirror", "clamp"];
+
+    /// The name in files.
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+
+    /// The way to wrap of this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Repeat, Self::Mirror, Self::Clamp].into_iter().find(|wrap| wrap.name() == name)
+    }
 }
 
 impl Wrap {
@@ -92,6 +108,13 @@ impl Texture {
     #[must_use]
     pub fn sampled(self, sampling: Sampling) -> Self {
         Self { sampling, ..self }
+    }
+
+    /// The texture with each texel changed, and the same sampling.
+    #[must_use]
+    pub fn map_texels(&self, change: impl Fn([u8; 4]) -> [u8; 4]) -> Self {
+        let texels = self.texels().iter().map(|texel| change(*texel)).collect();
+        Self::new(self.width, self.height, texels).sampled(self.sampling)
     }
 
     /// Width and height, texels.

@@ -1,6 +1,5 @@
 //! Bounds of the settings, and their errors.
 
-use super::Strategy;
 use super::length::LENGTH_ADVICE;
 use crate::base::error::{Error, Result};
 use crate::simd::LANES;
@@ -103,30 +102,6 @@ pub(super) fn check_splitting(&factor: &u32) -> Result<()> {
     ))
 }
 
-/// Refuses splitting with several techniques, whose weights do not know it.
-pub(super) fn check_unweighted(splitting: u32, strategy: Strategy) -> Result<()> {
-    if splitting == 1 || !matches!(strategy, Strategy::Mis | Strategy::CutMis) {
-        return Ok(());
-    }
-    Err(Error::new(
-        format!("splitting by {splitting} with strategy `mis` or `cut-mis`"),
-        "use the strategy `single`, or splitting by 1",
-    ))
-}
-
-/// Refuses a number of light paths that is no multiple of the size of their sets.
-pub(crate) fn check_whole_sets(light_paths: u32, size: u32) -> Result<()> {
-    if light_paths.is_multiple_of(size) {
-        return Ok(());
-    }
-    let below = light_paths / size * size;
-    let near = if below == 0 { size.to_string() } else { format!("{below} or {}", below + size) };
-    Err(Error::new(
-        format!("{light_paths} light paths in sets of {size}"),
-        format!("give {near} light paths, or another size of sets (`sobol_set`)"),
-    ))
-}
-
 /// Maximum number of shadow rays that learn the visibility of lights: more of them add nothing.
 const MAX_LIGHT_VISIBILITY: u32 = 1 << 24;
 
@@ -185,18 +160,5 @@ pub(super) fn check_merge_vertex(&vertex: &u32) -> Result<()> {
     Err(Error::new(
         format!("merge vertex {vertex}"),
         "give the number of the diffuse vertex at which camera paths are cut, 1 to 255",
-    ))
-}
-
-pub(super) fn check_strategy(strategy: Strategy, merge_vertex: u32) -> Result<()> {
-    if !matches!(strategy, Strategy::Mis | Strategy::CutMis) || merge_vertex == 2 {
-        return Ok(());
-    }
-    Err(Error::new(
-        format!(
-            "strategies `mis` and `cut-mis` merge at vertices 1 and 2, but the merge vertex is \
-             {merge_vertex}"
-        ),
-        "use the merge vertex 2",
     ))
 }

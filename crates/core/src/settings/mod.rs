@@ -2,6 +2,7 @@
 
 mod allowed;
 mod checks;
+pub mod combinations;
 mod crop;
 mod fixed_array;
 mod length;
@@ -12,7 +13,8 @@ pub use allowed::AllowedLightPaths;
 pub use checks::{
     ADVICE, DEFAULT_WAVELENGTH_WIDTH, MAX_IMAGE_SIDE, MAX_LIGHT_PATHS, MEDIUM_SCALES, as_serde,
 };
-pub(crate) use checks::{check_camera_paths, check_light_paths, check_whole_sets};
+pub(crate) use checks::{check_camera_paths, check_light_paths};
+pub(crate) use combinations::check_whole_sets;
 pub use crop::Crop;
 pub use fixed_array::FixedArray;
 pub use length::Length;
@@ -47,10 +49,50 @@ pub enum Strategy {
     Path,
 }
 
+/// What a strategy consists of. No other code tests which strategy it is.
+struct Traits {
+    has_photons: bool,
+    continues: bool,
+    is_weighted: bool,
+}
+
 impl Strategy {
+    /// All strategies.
+    pub const ALL: [Self; 4] = [Self::Single, Self::Mis, Self::CutMis, Self::Path];
+
+    #[inline(always)] // part of vector loops, as the functions below
+    const fn traits(self) -> Traits {
+        let [has_photons, continues, is_weighted] = match self {
+            Self::Single => [true, false, false],
+            Self::Mis => [true, true, true],
+            Self::CutMis => [true, false, true],
+            Self::Path => [false, true, true],
+        };
+        Traits { has_photons, continues, is_weighted }
+    }
+
     /// Tests whether light paths are traced, and their photons merged.
-    pub fn has_photons(self) -> bool {
-        self != Self::Path
+    #[inline(always)]
+    pub const fn has_photons(self) -> bool {
+        self.traits().has_photons
+    }
+
+    /// Tests whether camera paths go on after the last diffuse vertex at which photons may be
+    /// merged.
+    #[inline(always)]
+    pub const fn continues(self) -> bool {
+        self.traits().continues
+    }
+
+    /// Tests whether several techniques sample a path, so that weights share it among them.
+    #[inline(always)]
+    pub const fn is_weighted(self) -> bool {
+        self.traits().is_weighted
+    }
+
+    /// Tests whether merges have weights. They hold in few media and know no splitting.
+    pub const fn weighs_merges(self) -> bool {
+        self.has_photons() && self.is_weighted()
     }
 }
 

@@ -3,9 +3,9 @@
 use super::checks::{
     as_serde, check_camera_paths, check_guide, check_light_paths, check_light_visibility,
     check_medium_scale, check_merge_vertex, check_radius, check_resolution, check_sobol_set,
-    check_splitting, check_strategy, check_unweighted, check_wavelength_width, check_whole_sets,
-    checked,
+    check_splitting, check_wavelength_width, checked,
 };
+use super::combinations::{self, Asked};
 use super::fixed_array::FixedArray;
 use super::{
     AllowedLightPaths, Bias, Crop, Direct, Kernel, Length, MediumQuery, MisScales, Strategy,
@@ -140,9 +140,7 @@ macro_rules! settings {
                     crop.check([self.width, self.height])?;
                 }
                 $($check(&self.$name)?;)+
-                check_strategy(self.strategy, self.merge_vertex)?;
-                check_unweighted(self.splitting, self.strategy)?;
-                check_whole_sets(self.light_paths, self.sobol_set)
+                combinations::check(&Asked::of(self))
             }
         }
 
@@ -289,6 +287,11 @@ impl Settings {
     /// Tests whether light paths are traced, and their photons merged.
     pub fn has_photons(&self) -> bool {
         self.strategy.has_photons()
+    }
+
+    /// Tests whether diffuse vertices are connected with light sources.
+    pub fn connects(&self) -> bool {
+        self.direct == Direct::Connect || !self.has_photons()
     }
 
     /// Number of independent samples that some light paths are: their sets.

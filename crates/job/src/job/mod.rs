@@ -8,6 +8,7 @@
 //! [`output`](crate::output) writes images and pages from the [`RenderResult`]. An observer sees
 //! the [`RenderState`] after every iteration.
 
+mod asked;
 mod builder;
 mod denoising;
 mod iterate;
@@ -32,7 +33,7 @@ pub use time_check::check_time;
 pub use worker::report_failure;
 
 use crate::mpi::{Ranks, SingleProcess};
-use crate::output::checkpoint::Checkpoint;
+use crate::output::checkpoint::{Checkpoint, ShardedImage};
 use crate::output::denoise::ErrorSummary;
 use bdpm_auto::adaptive::autopilot::Autopilot;
 use bdpm_auto::adaptive::count_policy::{CountPolicy, Replay};
@@ -53,6 +54,7 @@ use bdpm_core::render::{RenderConfig, Renderer};
 use bdpm_core::scene::backend;
 use bdpm_core::scene::backend::Backend;
 use bdpm_core::scene::{Media, Scene};
+use bdpm_core::settings::combinations;
 use bdpm_core::settings::provenance::{Provenance, Reuse};
 use bdpm_core::settings::{PartialSettings, Settings};
 use leader::Leader;
@@ -211,7 +213,8 @@ impl RenderJob {
         }
         let is_automatic = self.is_automatic();
         let mut stop = self.stop_with_default();
-        let iterations = self.shard_iterations(&stop, is_automatic)?;
+        combinations::check(&self.asked(&scene, &provenance.settings, ranks))?;
+        let iterations = self.shard_iterations(&stop)?;
         if let Some(iterations) = &iterations {
             stop.iterations = Some(iterations.assigned.count());
         }
@@ -277,7 +280,7 @@ impl RenderJob {
                 let _ = observer(Event::Warning(warning));
             }
         }
-        config.grain = self.batch_grain(&provenance.settings, is_automatic)?;
+        config.grain = self.batch_grain(&provenance.settings)?;
         config.aovs = self.kept_aovs();
         renderer = renderer.configure(config)?;
         if let Some(iterations) = &iterations {
@@ -461,19 +464,17 @@ impl RenderJob {
     }
 
     /// The iterations of the shard, if the job renders one.
-    fn shard_iterations(&self, stop: &Stop, is_automatic: bool) -> Result<Option<ShardIterations>> {
+    fn shard_iterations(&self, stop: &Stop) -> Result<Option<ShardIterations>> {
         let Some(shard) = self.shard else { return Ok(None) };
-        if is_automatic {
-            return Err(Error::new(
-                "parts of an image cannot choose their path counts, which must be equal",
-                "fix the number of iterations, or use the plan of an image that chose its path counts",
-            ));
-        }
-        let earlier = match &self.start {
+        shard.iterations(stop.iterations, self.begun_shards()).map(Some)
+    }
+
+    /// The division into parts of the image that is continued, if it is one of them.
+    fn begun_shards(&self) -> Option<ShardedImage> {
+        match &self.start {
             Start::Checkpoint { checkpoint, .. } => checkpoint.sharded,
             _ => None,
-        };
-        shard.iterations(stop.iterations, earlier).map(Some)
+        }
     }
 
     /// The path counts of all iterations, if they are equal and the number of iterations is open.
@@ -497,12 +498,9 @@ impl RenderJob {
         }
     }
 
-    fn batch_grain(&self, settings: &Settings, is_automatic: bool) -> Result<BatchGrain> {
+    fn batch_grain(&self, settings: &Settings) -> Result<BatchGrain> {
         if !self.pixel_noise {
             return Ok(BatchGrain::Tile);
-        }
-        if !is_automatic {
-            check_measurable(settings)?;
         }
         check_memory(settings.width, settings.height)?;
         Ok(BatchGrain::Pixel)
@@ -623,23 +621,4 @@ pub fn provenance(scene: &Scene, backend: Backend, settings: Settings) -> Proven
         backend: backend.name().into(),
         settings,
     }
-}
-
-/// Refuses path counts at which noise cannot be measured: coefficients need two paths of each kind.
-///
-/// # Errors
-/// If there is only one light path, or one camera path per pixel.
-pub fn check_measurable(settings: &Settings) -> Result<()> {
-    for (count, singular, plural) in [
-        (settings.light_paths, "light path", "light paths"),
-        (settings.camera_paths, "camera path per pixel", "camera paths per pixel"),
-    ] {
-        if count < 2 {
-            return Err(Error::new(
-                format!("cannot measure the noise with {count} {singular}"),
-                format!("use at least 2 {plural}; the result predicts the noise at 1 as well"),
-            ));
-        }
-    }
-    Ok(())
 }

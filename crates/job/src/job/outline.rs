@@ -1,6 +1,7 @@
 //! Outline of a job: what it would render, without rendering.
 
 use super::{Denoising, Prepared, RenderJob, Start, check_time};
+use crate::mpi::{Ranks, SingleProcess};
 use bdpm_auto::adaptive::stopping::Stop;
 use bdpm_auto::adaptive::technique::FreeParameters;
 use bdpm_auto::adaptive::time_probe;
@@ -8,6 +9,7 @@ use bdpm_auto::timing::TimeModel;
 use bdpm_core::base::error::Result;
 use bdpm_core::base::memory::available_memory;
 use bdpm_core::render::{MemoryNeed, check_has_light};
+use bdpm_core::settings::combinations;
 use bdpm_core::settings::provenance::Provenance;
 
 /// Outline of a job.
@@ -32,6 +34,8 @@ pub struct JobOutline {
     pub available_memory: Option<f64>,
     /// Warning about a time that hardly suffices.
     pub warning: Option<String>,
+    /// Options that do less than alone, each with the other and the reason.
+    pub notes: Vec<String>,
 }
 
 impl RenderJob {
@@ -39,13 +43,25 @@ impl RenderJob {
     ///
     /// # Errors
     /// As [`Self::run`], as far as they appear before the first iteration.
-    pub fn outline(mut self) -> Result<JobOutline> {
+    pub fn outline(self) -> Result<JobOutline> {
+        self.outline_on(&SingleProcess)
+    }
+
+    /// Checks and describes the job as rank 0 of several processes would render it, which are not
+    /// used.
+    ///
+    /// # Errors
+    /// As [`Self::outline`].
+    pub fn outline_on(mut self, ranks: &dyn Ranks) -> Result<JobOutline> {
         let prepared = self.prepare()?;
+        let asked = self.asked(&prepared.scene, &prepared.provenance.settings, ranks);
+        combinations::check(&asked)?;
+        let notes = combinations::notes(&asked).map(ToString::to_string).collect();
         let warning = self.check(&prepared)?;
         let Prepared { scene, accel, threads, provenance, .. } = prepared;
         let is_automatic = self.is_automatic();
         let stop = self.stop_with_default();
-        let shard = self.shard_iterations(&stop, is_automatic)?;
+        let shard = self.shard_iterations(&stop)?;
         let all = stop.iterations;
         let assigned = shard.map_or(all, |shard| Some(shard.assigned.count()));
         let iterations = assigned.map(|assigned| assigned.saturating_sub(self.begun_iterations()));
@@ -74,6 +90,7 @@ impl RenderJob {
             memory,
             available_memory,
             warning,
+            notes,
         })
     }
 
@@ -83,7 +100,7 @@ impl RenderJob {
         let Prepared { scene, accel, threads, provenance, .. } = prepared;
         check_has_light(scene)?;
         self.time_model(provenance)?;
-        self.batch_grain(&provenance.settings, self.is_automatic())?;
+        self.batch_grain(&provenance.settings)?;
         if self.denoise {
             let size = provenance.settings.resolution();
             Denoising::new(threads.current_num_threads(), size, &self.stop_with_default())?;

@@ -56,11 +56,8 @@ impl Shard {
             let problem = format!("the checkpoint is one of {} parts, not of {of}", begun.shards);
             return Err(Error::new(problem, "resume the part with its own numbers"));
         }
-        let iterations = iterations.or(begun.map(|begun| begun.iterations)).ok_or_else(|| {
-            let advice =
-                "give the number of iterations of all parts together, or the plan of an image";
-            Error::new("parts of an image need a fixed number of iterations", advice)
-        })?;
+        // An open number is refused before.
+        let iterations = iterations.or(begun.map(|begun| begun.iterations)).unwrap_or(0);
         if let Some(begun) = begun.filter(|begun| begun.iterations != iterations) {
             let problem = format!(
                 "the checkpoint is a part of {} iterations, not of {iterations}",

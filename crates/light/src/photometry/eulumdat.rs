@@ -7,8 +7,8 @@
 use super::opening::OpeningShape;
 use super::planes::Planes;
 use super::{LuminaireFile, check_values};
-use crate::text::decoded;
 use bdpm_core::base::error::{Error, Result};
+use bdpm_core::base::input::decoded;
 use bdpm_core::scene::Photometry;
 use std::borrow::Cow;
 use std::path::Path;

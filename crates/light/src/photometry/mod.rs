@@ -9,9 +9,8 @@ mod opening;
 mod planes;
 mod write;
 
-use super::load::extension;
-use super::text::read_bytes;
 use bdpm_core::base::error::{Error, Result};
+use bdpm_core::base::input::{extension, read_bytes};
 use bdpm_core::scene::IntensityDistribution;
 pub use opening::OpeningShape;
 use std::path::Path;

@@ -38,7 +38,9 @@ const MOST_PIXELS: u32 = 2048;
 /// Models of the radiance of the sky.
 #[derive(Clone, Debug)]
 pub enum SkyModel {
+    /// That of Hosek and Wilkie.
     HosekWilkie(HosekWilkie),
+    /// A distribution of luminance by angles.
     Distribution(LuminanceDistribution),
 }
 
@@ -58,6 +60,7 @@ pub struct SunDisc {
 pub struct Sky {
     /// The model, and a factor of its radiance.
     pub dome: Option<(SkyModel, Rgb)>,
+    /// The disc of the sun, if the sky shows it.
     pub sun: Option<SunDisc>,
 }
 

@@ -10,6 +10,7 @@ pub struct PlaceAndTime {
     pub longitude: f64,
     /// Hours that the clock is ahead of Universal Time.
     pub timezone: f64,
+    /// Year of the Gregorian calendar.
     pub year: i32,
     /// From 1.
     pub month: i32,

@@ -25,6 +25,13 @@ pub struct Predicted {
     pub error: Option<f64>,
 }
 
+impl From<Predicted> for (f64, Option<f64>) {
+    /// Value and standard error.
+    fn from(Predicted { value, error }: Predicted) -> Self {
+        (value, error)
+    }
+}
+
 /// The noise at one pair of counts; luminances, W/(m^2 sr).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Prediction {

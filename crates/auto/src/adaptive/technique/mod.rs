@@ -316,8 +316,7 @@ impl Technique {
                 || it.direct == Direct::Connect
                 || (it.strategy, it.merge_vertex) == (Strategy::Single, 1);
             // Weights do not know splitting.
-            let splitting =
-                it.splitting == 1 || !matches!(it.strategy, Strategy::Mis | Strategy::CutMis);
+            let splitting = it.splitting == 1 || !it.strategy.weighs_merges();
             direct && splitting
         };
         all.retain(is_sensible);
@@ -334,7 +333,7 @@ impl Technique {
 
     /// Tests whether photons are merged, so that radii matter.
     fn merges(self) -> bool {
-        self.strategy != Strategy::Path
+        self.strategy.has_photons()
     }
 }
 

@@ -16,7 +16,7 @@ use bdpm_core::render::guiding::{
 use bdpm_core::render::{NestedPart, RenderConfig};
 use bdpm_core::scene::lights::guide::Guide;
 use bdpm_core::scene::{Emitter, Placement, Scene};
-use bdpm_core::settings::{Settings, Strategy};
+use bdpm_core::settings::Settings;
 use bdpm_core::transport::kernel::ByClass;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -367,7 +367,7 @@ impl<'a> TrialRunner<'a> {
     /// on them, and a merge sees those of one disc. theory.md (93e).
     fn even(&self, settings: &Settings, photons: f64) -> f64 {
         // Camera paths that are not cut find the light that photons miss.
-        if matches!(settings.strategy, Strategy::Mis | Strategy::Path) {
+        if settings.strategy.continues() {
             return 0.0;
         }
         let reach = f64::from(settings.radius.max(settings.caustic_radius));
@@ -456,7 +456,7 @@ fn footprint(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> f64 {
 mod tests {
     use super::*;
     use bdpm_core::scene::backend::{Backend, build};
-    use bdpm_core::settings::Direct;
+    use bdpm_core::settings::{Direct, Strategy};
     use bdpm_core::transport::photon::PhotonClass;
     use bdpm_import::load;
 

@@ -5,19 +5,22 @@ use super::{Lobe, fresnel};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
 use glam::Vec3;
+use serde::Serialize;
 use std::f32::consts::FRAC_1_PI;
 
 /// A diffuse base under a coat, on both sides of the surface. The coat mirrors (a delta lobe). The
 /// light that enters, `T = 1 - F`, is reflected by the base `n >= 1` times, and by the coat's
 /// inside in between: `f = T(wo) T(wi) / eta^2 * albedo / (pi (1 - albedo F_in))`. Lossless for a
 /// white base.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Coated {
     albedo: Rgb,
     eta: f32,
     /// Value of the base over both transmittances, 1/sr.
+    #[serde(skip)]
     base: Rgb,
     /// Mean transmittance of diffuse light from outside.
+    #[serde(skip)]
     mean_transmittance: f32,
 }
 

@@ -6,10 +6,11 @@ use super::{BsdfSample, DIFFUSE_ALPHA, FacetModel, Facets, Lobe, SMOOTH_ALPHA, f
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
 use glam::Vec3;
+use serde::Serialize;
 use std::f32::consts::FRAC_1_PI;
 
 /// The reflectance of a metal.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub enum Reflectance {
     /// From a measured complex refractive index, relative to the medium in front.
     Measured {
@@ -73,7 +74,7 @@ pub(super) fn multiple_scattering(facets: &Ggx, mean: Rgb) -> Rgb {
 /// A metal. Its rough lobe is reciprocal, and lossless if the reflectance is 1: a wide lobe returns
 /// the light that single scattering loses (Kulla and Conty 2017). [`Self::once`] makes a metal
 /// without that lobe.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Conductor {
     reflectance: Reflectance,
     facets: Facets,
@@ -81,11 +82,14 @@ pub struct Conductor {
 }
 
 /// Treatment of light that facets reflect into each other.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 enum Scattering {
     /// Multiple scattering: the share of that light that leaves in the end, over pi and the mean
     /// loss, 1/sr.
-    All { multiple: Rgb },
+    All {
+        #[serde(skip)]
+        multiple: Rgb,
+    },
     /// Single scattering: that light is lost; a tint multiplies the rest.
     Once { tint: Rgb },
 }

@@ -4,10 +4,11 @@ use super::{BsdfSample, Lobe, Transport, fresnel, mirrored};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
 use glam::Vec3;
+use serde::Serialize;
 
 /// A smooth interface between two dielectrics. Media nest by interfaces: each has the ratio of the
 /// indices on its two sides.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Dielectric {
     /// Refractive index behind the surface over that in front.
     pub eta: f32,
@@ -57,7 +58,7 @@ pub(super) fn transmission_scale(transport: Transport, eta: f32) -> f32 {
 
 /// A plane-parallel sheet without thickness: light goes straight on or is mirrored, all orders of
 /// reflection inside included.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ThinDielectric {
     /// Refractive index of the sheet over that of its surroundings.
     pub eta: f32,

@@ -3,9 +3,10 @@
 use super::beckmann::Beckmann;
 use super::ggx::Ggx;
 use glam::Vec3;
+use serde::Serialize;
 
 /// Distribution of microfacets, and their masking and shadowing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub enum FacetModel {
     /// GGX, with the heights of neighbors correlated (Heitz 2014).
     #[default]
@@ -17,7 +18,7 @@ pub enum FacetModel {
 }
 
 /// Microfacets of a model and a width.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Facets {
     /// Model of the facets.
     pub model: FacetModel,

@@ -6,11 +6,12 @@
 
 use crate::base::math::sin_cos_turns;
 use glam::{DVec2, Vec2, Vec3};
+use serde::Serialize;
 use std::f32::consts::PI;
 use std::sync::LazyLock;
 
 /// Microfacets of slope deviation `alpha / sqrt(2)`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Ggx {
     /// Width, above 0 up to 1.
     pub alpha: f32,

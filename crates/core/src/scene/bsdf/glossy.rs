@@ -8,6 +8,7 @@ use super::{Lobe, SMOOTH_ALPHA, fresnel};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
 use glam::Vec3;
+use serde::Serialize;
 use std::f32::consts::FRAC_1_PI;
 
 /// The material of glTF 2.0 (Appendix B): a dielectric and a metal of the same GGX facets, mixed by
@@ -20,7 +21,7 @@ use std::f32::consts::FRAC_1_PI;
 /// base and pass through by the facets, as at a coat.
 ///
 /// Reciprocal; lossless where `albedo` is white.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Glossy {
     albedo: Rgb,
     metallic: f32,
@@ -28,8 +29,10 @@ pub struct Glossy {
     normal: f32,
     facets: Ggx,
     /// Value of the base over its albedo and both shares that enter, 1/sr.
+    #[serde(skip)]
     base: f32,
     /// Multiple scattering of the metal over both shares that are lost, 1/sr.
+    #[serde(skip)]
     multiple: Rgb,
 }
 

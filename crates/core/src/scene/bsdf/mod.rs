@@ -33,6 +33,7 @@ use crate::base::math::{Frame, Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
 use glam::Vec3;
 use layers::CoatOverBase;
+use serde::Serialize;
 use std::f32::consts::FRAC_1_PI;
 
 /// Minimum GGX width of lobes that merge and connect like diffuse surfaces. Narrower lobes pass
@@ -118,7 +119,7 @@ pub enum LobeSet {
 }
 
 /// A bidirectional scattering distribution function.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub enum Bsdf {
     /// Ideal diffuse reflection.
     Lambertian {

@@ -8,6 +8,7 @@ use super::{Lobe, SMOOTH_ALPHA, fresnel};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
 use glam::Vec3;
+use serde::Serialize;
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// A coat of facets that reflect by the Fresnel formula, over a diffuse base, on both sides of the
@@ -20,7 +21,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 ///
 /// Reciprocal. A smooth nonlinear coat over a white base is lossless; facets lose what they would
 /// scatter again.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Plastic {
     albedo: Rgb,
     /// Factor of the light that the coat reflects.
@@ -29,7 +30,9 @@ pub struct Plastic {
     facets: Facets,
     is_nonlinear: bool,
     /// Value of the base over both transmittances, 1/sr.
+    #[serde(skip)]
     base: Rgb,
+    #[serde(skip)]
     coat: CoatMeans,
 }
 

@@ -10,10 +10,11 @@ use super::{BsdfSample, Lobe, LobeSet, Transport, fresnel};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w, luminance};
 use crate::base::rng::Rng;
 use glam::Vec3;
+use serde::Serialize;
 use std::f32::consts::FRAC_1_PI;
 
 /// Parameters of [`Principled`]; all numbers but `eta` are in [0, 1].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PrincipledParameters {
     /// Color of the base, of the metal at normal incidence, and squared of light that crosses the
     /// surface.
@@ -73,20 +74,27 @@ impl Default for PrincipledParameters {
 ///
 /// Reciprocal. It does not conserve energy: retroreflection, sheen and coat are added to the base,
 /// while facets lose what they would scatter again.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Principled {
     parameters: PrincipledParameters,
+    #[serde(skip)]
     facets: AnisotropicGgx,
+    #[serde(skip)]
     coat: Gtr1,
     /// Weight of the diffuse base.
+    #[serde(skip)]
     base: f32,
     /// Weight of transmission.
+    #[serde(skip)]
     crossing: f32,
     /// Color of transmission.
+    #[serde(skip)]
     transmittance: Rgb,
     /// Reflectance of the tinted dielectric at normal incidence.
+    #[serde(skip)]
     tinted_normal: Rgb,
     /// Value of the sheen before its Fresnel weight, 1/sr.
+    #[serde(skip)]
     sheen: Rgb,
 }
 

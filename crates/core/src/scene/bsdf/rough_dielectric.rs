@@ -6,11 +6,12 @@ use super::{BsdfSample, FacetModel, Facets, Lobe, SMOOTH_ALPHA, Transport, fresn
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
 use glam::Vec3;
+use serde::Serialize;
 
 /// A rough interface between two dielectrics. Light that facets scatter into other facets is lost.
 /// At an index of 1.5 diffuse light loses 0.9 % for `alpha = 0.1`, 3.7 % for 0.3 and 20 % for 1
 /// (tested). All lobes pass through, however rough: photons from behind the surface are not merged.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RoughDielectric {
     /// Refractive index behind the surface over that in front.
     eta: f32,

@@ -1,10 +1,11 @@
 //! Projections of fisheye lenses.
 
 use glam::{Vec2, Vec3};
+use serde::Serialize;
 
 /// Projection of a fisheye lens: the distance of an image point from the center by the angle from
 /// the axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum FisheyeProjection {
     /// The distance is proportional to the angle.
     Equidistant,

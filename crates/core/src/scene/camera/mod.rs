@@ -20,13 +20,15 @@ use crate::base::error::{Error, Result};
 use crate::settings::Settings;
 use glam::Vec3;
 use sensor::Disc;
+use serde::Serialize;
 use view::{Imaging, PixelPlane};
 
 /// A camera: its position, orientation and optics.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Camera {
     position: Vec3,
     forward: Vec3,
+    #[serde(skip)]
     right: Vec3,
     up: Vec3,
     optics: Optics,
@@ -34,6 +36,7 @@ pub struct Camera {
     shift: [f32; 2],
     /// Direction and up vector as given: a copy of the camera from them has the same frame bit by
     /// bit.
+    #[serde(skip)]
     aim: [Vec3; 2],
 }
 

@@ -2,9 +2,10 @@
 
 use super::{Extent, FieldOfView, FisheyeProjection};
 use crate::base::error::{Error, Result};
+use serde::Serialize;
 
 /// The optics of a camera.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub enum Optics {
     /// A pinhole at the position. A pixel's value is the mean radiance along its rays.
     Pinhole(FieldOfView),

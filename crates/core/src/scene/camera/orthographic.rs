@@ -1,7 +1,9 @@
 //! Parallel projection.
 
+use serde::Serialize;
+
 /// Size of the visible part of a scene across the image, scene units.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub enum Extent {
     /// Across the image's width.
     X(f32),

@@ -3,9 +3,10 @@
 use crate::accel::Ray;
 use crate::base::math::uniform_disc;
 use glam::Vec3;
+use serde::Serialize;
 
 /// Full opening angle across the image, degrees.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub enum FieldOfView {
     /// Across the image's width.
     X(f32),

@@ -13,10 +13,11 @@ use crate::base::math::{
 use crate::base::rng::Rng;
 use crate::scene::{TexturedTriangle, Triangle};
 use glam::Vec3;
+use serde::Serialize;
 use std::f32::consts::{PI, TAU};
 
 /// A light source; a mesh that emits has one per triangle.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum Emitter {
     /// An isotropic point.
     Point {
@@ -30,6 +31,7 @@ pub enum Emitter {
     /// Parallel light from far away, such as the sun's.
     Directional(Directional),
     /// A triangle that emits uniform radiance from its front.
+    #[serde(skip)]
     Triangle {
         /// Its geometry.
         shape: Triangle,
@@ -37,16 +39,18 @@ pub enum Emitter {
         radiance: Rgb,
     },
     /// A triangle that emits by a texture.
+    #[serde(skip)]
     Textured(Box<TexturedTriangle>),
     /// A point with the intensity distribution of a luminaire.
     Luminaire(Box<PointLuminaire>),
     /// The luminous opening of a luminaire.
+    #[serde(skip)]
     Opening(Box<OpeningEmitter>),
 }
 
 /// A point that emits into a cone: its full intensity within the inner angle, none outside the
 /// outer angle. Between them it falls off with the square of a linear function of the cosine.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spot {
     /// Position, scene units.
     pub position: Vec3,
@@ -61,15 +65,17 @@ pub struct Spot {
 }
 
 /// Parallel light.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Directional {
     /// Unit vector along which the light travels.
     pub direction: Vec3,
     /// Irradiance of surfaces that face the light, W/m^2.
     pub irradiance: Rgb,
     /// Center of a sphere around the scene; [`Scene::new`](crate::Scene::new) sets it.
+    #[serde(skip)]
     pub center: Vec3,
     /// Radius of that sphere, scene units.
+    #[serde(skip)]
     pub radius: f32,
 }
 

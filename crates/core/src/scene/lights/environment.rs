@@ -5,6 +5,7 @@ use super::{Emission, LightSample, below_one};
 use crate::base::math::{Bounds, Rgb, luminance, uniform_disc, uniform_disc_inverse};
 use crate::base::rng::Rng;
 use glam::{DVec3, Vec3};
+use serde::Serialize;
 use std::f32::consts::{PI, TAU};
 
 /// Radiance that arrives from each direction, uniform in each pixel of a latitude-longitude map.
@@ -46,7 +47,7 @@ pub struct Inset {
 
 /// Place of an inset in its map. The rectangle may cross the edge between the last and the first
 /// column.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct InsetGrid {
     /// First column and first row of the map that it replaces.
     pub first: [u32; 2],

@@ -6,10 +6,11 @@
 //! Directions are in the frame of the luminaire: it hangs with -z down, and x and y are horizontal.
 
 use glam::DVec3;
+use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
 /// Coordinates of a distribution, as IES LM-63 and LM-75 name them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Photometry {
     /// The polar axis is horizontal in the image of a headlamp's beam: V is the latitude and H the
     /// longitude.
@@ -34,7 +35,7 @@ impl Photometry {
 }
 
 /// A luminous intensity distribution.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct IntensityDistribution {
     photometry: Photometry,
     /// Angles from the pole, ascending, in [0, pi], radians.
@@ -45,8 +46,10 @@ pub struct IntensityDistribution {
     values: Vec<f64>,
     /// Integral of the intensity over the azimuth from the first to each node, cd rad, in the
     /// layout of `values`.
+    #[serde(skip)]
     rings: Vec<f64>,
     /// Flux from the first to each polar angle, lm.
+    #[serde(skip)]
     flux: Vec<f64>,
 }
 

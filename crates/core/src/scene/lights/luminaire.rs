@@ -19,11 +19,12 @@ use crate::base::math::{Rgb, uniform_triangle, uniform_triangle_inverse};
 use crate::base::rng::Rng;
 use crate::scene::{Mesh, Triangle, triangle_area};
 use glam::{DMat3, DVec3, Vec3};
+use serde::Serialize;
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
 /// A distribution with its orientation in the scene.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AimedDistribution {
     distribution: Arc<IntensityDistribution>,
     /// Unit vectors along x (the plane C0), y (C90) and z (up) of the luminaire.
@@ -114,7 +115,7 @@ impl AimedDistribution {
 }
 
 /// A point with an intensity distribution.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PointLuminaire {
     /// Position, scene units.
     pub position: Vec3,
@@ -143,11 +144,12 @@ impl PointLuminaire {
 }
 
 /// The luminous opening of a luminaire: a convex surface.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LuminousOpening {
     aimed: AimedDistribution,
     /// Unit normal and area of each plane face, scene units squared. Faces without a thickness have
     /// one side here.
+    #[serde(skip)]
     faces: Vec<(Vec3, f32)>,
     is_flat: bool,
 }

@@ -20,7 +20,7 @@ use crate::base::math::Rgb;
 use crate::base::rng::{StreamKey, camera_path_index};
 use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
 use crate::scene::{HitScratch, MediumState, Scene, Surface, View};
-use crate::settings::{Direct, Settings, Strategy};
+use crate::settings::Settings;
 use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, Vec3s, any, lanes_of};
 use bytemuck::{Pod, Zeroable};
@@ -135,7 +135,7 @@ impl Columns<10> for Connections {
 impl CameraPass<'_> {
     /// Diffuse vertices are connected with light sources.
     fn connects(&self) -> bool {
-        self.settings.direct == Direct::Connect || self.settings.strategy == Strategy::Path
+        self.settings.connects()
     }
 
     /// Photons are merged at the diffuse vertex of this number.
@@ -143,15 +143,14 @@ impl CameraPass<'_> {
     fn gathers_at(&self, vertex: u32) -> bool {
         let Settings { merge_vertex, strategy, .. } = *self.settings;
         let gathers = (vertex == merge_vertex) | (self.gather_early & (vertex < merge_vertex));
-        gathers & (strategy != Strategy::Path)
+        gathers & strategy.has_photons()
     }
 
     /// Paths may go on from lobes that merge at the diffuse vertex of this number.
     #[inline(always)]
     fn goes_on_from(&self, vertex: u32) -> bool {
         let Settings { merge_vertex, strategy, .. } = *self.settings;
-        let is_cut = matches!(strategy, Strategy::Single | Strategy::CutMis);
-        !is_cut | (vertex < merge_vertex)
+        strategy.continues() | (vertex < merge_vertex)
     }
 }
 

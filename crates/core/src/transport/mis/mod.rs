@@ -41,7 +41,7 @@ pub mod merge_weights;
 pub mod photons;
 pub mod weights;
 
-use crate::settings::{Direct, Settings, Strategy};
+use crate::settings::Settings;
 use densities::{PassChoice, Survival};
 use weights::Balance;
 
@@ -57,12 +57,12 @@ pub struct Mis {
 }
 
 impl Mis {
-    /// The constants of these settings; `None` if their strategy is [`Strategy::Single`].
+    /// The constants of these settings; `None` if their strategy needs no weights.
     pub fn new(settings: &Settings) -> Option<Self> {
-        (settings.strategy != Strategy::Single).then(|| Self {
+        settings.strategy.is_weighted().then(|| Self {
             balance: Balance::new(settings),
-            connects: settings.direct == Direct::Connect || settings.strategy == Strategy::Path,
-            continues: settings.strategy != Strategy::CutMis,
+            connects: settings.connects(),
+            continues: settings.strategy.continues(),
         })
     }
 

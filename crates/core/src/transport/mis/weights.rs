@@ -2,7 +2,7 @@
 //! connections from every vertex and emission that camera paths hit.
 
 use crate::base::math::disc_area;
-use crate::settings::{MisScales, Settings, Strategy};
+use crate::settings::{MisScales, Settings};
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
 use bytemuck::{Pod, Zeroable};
@@ -71,7 +71,7 @@ pub struct StraightDensities {
 impl Balance {
     /// The constants of these settings.
     pub fn new(settings: &Settings) -> Self {
-        if settings.strategy == Strategy::Path {
+        if !settings.has_photons() {
             return Self { eta: 0.0, scales: [0.0; 2], caustic: 1.0 };
         }
         let MisScales { light_paths, scales } = settings.mis_scales();
