@@ -4,7 +4,11 @@
 //! ```sh
 //! cargo run --release --example reference_tables                 # all, in an hour of one core
 //! cargo run --release --example reference_tables -- box hall     # some of them
+//! cargo run --release --example reference_tables -- --fingerprints   # their scenes' fingerprints
 //! ```
+//!
+//! The last writes the fingerprints into the tables that are there: for a change of what a fingerprint
+//! is, and of no scene.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -39,6 +43,9 @@ fn subjects() -> Vec<(&'static str, Arc<Scene>, Settings)> {
 fn main() -> std::io::Result<()> {
     let wanted: Vec<String> = std::env::args().skip(1).collect();
     let subjects = subjects();
+    if wanted == ["--fingerprints"] {
+        return subjects.iter().try_for_each(|(name, scene, _)| table::renew(name, scene));
+    }
     if let Some(name) = wanted.iter().find(|name| subjects.iter().all(|s| s.0 != *name)) {
         let names: Vec<_> = subjects.iter().map(|subject| subject.0).collect();
         eprintln!("there is no scene {name}; there are {}", names.join(", "));

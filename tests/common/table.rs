@@ -87,6 +87,16 @@ pub fn text(
     text
 }
 
+/// Replaces the fingerprint of a committed table by that of the scene.
+pub fn renew(name: &str, scene: &Arc<Scene>) -> std::io::Result<()> {
+    let path = path(name);
+    let text = std::fs::read_to_string(&path)?;
+    let (before, rest) = text.split_once("fingerprint = ").expect("a fingerprint");
+    let (_, after) = rest.split_once('\n').expect("a line");
+    let fingerprint = fingerprint(scene);
+    std::fs::write(&path, format!("{before}fingerprint = \"{fingerprint}\"\n{after}"))
+}
+
 fn command(name: &str) -> String {
     format!("cargo run --release --example reference_tables -- {name}")
 }
