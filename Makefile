@@ -45,7 +45,7 @@ check: setup denoiser
 	BDPM=$${CARGO_TARGET_DIR:-target}/debug/bdpm SECONDS_EACH=0.6 RUNS=3 scripts/mitsuba-check.sh --elements
 	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --features cli -- -D warnings
 	$(CARGO) check $(FLAGS) --package bdpm --no-default-features --lib
-	CARGO_PROFILE_DEV_OPT_LEVEL=1 $(CARGO) test $(FLAGS) --package bdpm --no-default-features --test accel
+	CARGO_PROFILE_DEV_OPT_LEVEL=1 $(CARGO) test $(FLAGS) --package bdpm-accel --no-default-features
 	CARGO=$(CARGO) scripts/check-ranks.sh
 	CARGO=$(CARGO) scripts/check-dependents.sh
 

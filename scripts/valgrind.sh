@@ -24,4 +24,4 @@ run() { # package, test
 }
 
 run embree4-sys trace "$@"
-run bdpm accel "${@:-embree::}"
+run bdpm-accel accel "${@:-embree::}"

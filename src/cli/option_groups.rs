@@ -1,5 +1,6 @@
 //! Groups and order of the options in help texts of commands that render.
 
+use bdpm::Settings;
 use clap::{Arg, Command};
 
 /// Options of a group by their ids.
@@ -39,33 +40,11 @@ const GROUPS: &[Group] = &[
         common: &["checkpoint", "resume"],
         other: &["plan", "part"],
     },
+    // After the settings that are in no group.
     Group {
         heading: EXPERT,
         common: &[],
-        other: &[
-            "strategy",
-            "light_paths",
-            "camera_paths",
-            "radius",
-            "caustic_radius",
-            "medium_scale",
-            "medium_query",
-            "wavelength_width",
-            "kernel",
-            "bias",
-            "direct",
-            "merge_vertex",
-            "guide",
-            "sobol_set",
-            "splitting",
-            "light_visibility",
-            "objective",
-            "estimator",
-            "timings",
-            "seed",
-            "accel",
-            "threads",
-        ],
+        other: &["objective", "estimator", "timings", "accel", "threads"],
     },
 ];
 
@@ -81,11 +60,18 @@ fn place(argument: &Arg) -> (usize, Option<&'static str>, bool) {
     let id = argument.get_id().as_str();
     let mut position = 1;
     for Group { heading, common, other } in GROUPS {
+        if *heading == EXPERT {
+            position += Settings::NAMES.len();
+        }
         let mut options = common.iter().chain(*other);
         if let Some(index) = options.position(|option| *option == id) {
             return (position + index, Some(heading), index < common.len());
         }
         position += common.len() + other.len();
+    }
+    if let Some(index) = Settings::NAMES.iter().position(|setting| *setting == id) {
+        let others = GROUPS.last().map_or(0, |group| group.other.len());
+        return (position - others - Settings::NAMES.len() + index, Some(EXPERT), false);
     }
     (if argument.is_positional() { 0 } else { position }, None, true)
 }

@@ -9,63 +9,80 @@ use clap::builder::{PossibleValue, PossibleValuesParser, StyledStr, TypedValuePa
 use serde::de::DeserializeOwned;
 use serde::de::value::{Error, StrDeserializer};
 
-/// Settings of an image. A setting without an option is that of the scene file, or the default.
-#[derive(clap::Args)]
-pub struct SettingsArgs {
+/// Defines [`SettingsArgs`] by rows `name: type` with the help text and the attributes for clap, and
+/// turns it into [`PartialSettings`], which must have a field for each row.
+macro_rules! options {
+    ($($(#[$meta:meta])+ $name:ident: $type:ty,)+) => {
+        /// Settings of an image. A setting without an option is that of the scene file, or the
+        /// default.
+        #[derive(clap::Args)]
+        pub struct SettingsArgs {
+            $($(#[$meta])+ pub $name: Option<$type>,)+
+        }
+
+        impl From<&SettingsArgs> for PartialSettings {
+            fn from(args: &SettingsArgs) -> Self {
+                Self { crop: None, $($name: args.$name,)+ }
+            }
+        }
+    };
+}
+
+options! {
     /// Render this many pixels [default: scene file, else 512x512]
     #[arg(long, value_name = "WxH", value_parser = parse_resolution)]
-    pub resolution: Option<[u32; 2]>,
+    resolution: [u32; 2],
     /// Trace NF light paths per iteration [default: scene file, else 100000]
     #[arg(long, value_name = "NF")]
-    pub light_paths: Option<u32>,
+    light_paths: u32,
     /// Trace NB camera paths per pixel and iteration [default: scene file, else 4]
     #[arg(long, value_name = "NB")]
-    pub camera_paths: Option<u32>,
+    camera_paths: u32,
     /// Merge photons within R scene units, or % of the scene size [default: 0.5%]
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
-    pub radius: Option<Length>,
+    radius: Length,
     /// Merge caustic photons within R [default: a quarter of --radius]
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
-    pub caustic_radius: Option<Length>,
+    caustic_radius: Length,
     /// Merge photons in media within F times the radii at surfaces [default: 2]
     #[arg(long, value_name = "F")]
-    pub medium_scale: Option<f64>,
+    medium_scale: f64,
     /// Merge photons in media around points, or along segments of camera paths [default: beams]
     #[arg(long, value_parser = word::<MediumQuery>(MEDIUM_QUERY))]
-    pub medium_query: Option<MediumQuery>,
+    medium_query: MediumQuery,
     /// Merge wavelengths within a share F of the spectrum [default: 0.06]
     #[arg(long, value_name = "F")]
-    pub wavelength_width: Option<f64>,
+    wavelength_width: f64,
     /// Keep or reduce the merge bias [default: reduce if radii are chosen, else keep]
     #[arg(long, value_parser = word::<Bias>(BIAS))]
-    pub bias: Option<Bias>,
+    bias: Bias,
     /// Divide merged flux by the area of the surface or of a disc [default: area]
     #[arg(long, value_parser = word::<Kernel>(KERNEL))]
-    pub kernel: Option<Kernel>,
+    kernel: Kernel,
     /// Cut and merge camera paths at their diffuse vertex K [default: 2]
     #[arg(long, value_name = "K")]
-    pub merge_vertex: Option<u32>,
+    merge_vertex: u32,
     /// Sample each path by one technique or by several [default: single]
     #[arg(long, value_parser = word::<Strategy>(STRATEGY))]
-    pub strategy: Option<Strategy>,
+    strategy: Strategy,
     /// Learn in N iterations where light paths should start [default: 0]
     #[arg(long, value_name = "N")]
-    pub guide: Option<u32>,
+    guide: u32,
     /// Start light paths from Sobol points, in sets of S light paths [default: 1]
     #[arg(long, value_name = "S")]
-    pub sobol_set: Option<u32>,
+    sobol_set: u32,
     /// Split light paths at their first diffuse vertex into M times as many [default: 1]
     #[arg(long, value_name = "M")]
-    pub splitting: Option<u32>,
+    splitting: u32,
     /// Learn by N shadow rays which lights are visible from where [default: 0]
     #[arg(long, value_name = "N")]
-    pub light_visibility: Option<u32>,
+    light_visibility: u32,
     /// Connect to lights, or take direct light from photons [default: connect]
     #[arg(long, value_parser = word::<Direct>(DIRECT))]
-    pub direct: Option<Direct>,
+    direct: Direct,
     /// Seed all random numbers with S [default: 1]
     #[arg(long, value_name = "S")]
-    pub seed: Option<u64>,
+    seed: u64,
 }
 
 /// The option with the default `chosen` in its help, if automatic rendering chooses its value.
@@ -88,32 +105,6 @@ pub fn with_conflicts(option: Arg) -> Arg {
         Outcome::Usage(others) => option.conflicts_with_all(others),
         Outcome::Refused(_) | Outcome::Weakened => option,
     })
-}
-
-impl From<&SettingsArgs> for PartialSettings {
-    fn from(args: &SettingsArgs) -> Self {
-        Self {
-            resolution: args.resolution,
-            crop: None,
-            light_paths: args.light_paths,
-            camera_paths: args.camera_paths,
-            radius: args.radius,
-            caustic_radius: args.caustic_radius,
-            medium_scale: args.medium_scale,
-            medium_query: args.medium_query,
-            wavelength_width: args.wavelength_width,
-            bias: args.bias,
-            kernel: args.kernel,
-            merge_vertex: args.merge_vertex,
-            strategy: args.strategy,
-            guide: args.guide,
-            sobol_set: args.sobol_set,
-            splitting: args.splitting,
-            light_visibility: args.light_visibility,
-            direct: args.direct,
-            seed: args.seed,
-        }
-    }
 }
 
 /// Values of an enumeration, as files spell them, with their meaning.

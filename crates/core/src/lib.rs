@@ -8,7 +8,6 @@
 pub mod base;
 #[doc(hidden)] // public for tests and benches
 pub mod simd;
-pub mod accel;
 pub mod image_io;
 pub mod settings;
 pub mod scene;
@@ -19,6 +18,8 @@ pub mod noise;
 pub mod render;
 
 pub use base::error::{Error, Result};
+#[doc(inline)]
+pub use bdpm_accel as accel;
 pub use render::Renderer;
 pub use scene::Scene;
 pub use settings::Settings;

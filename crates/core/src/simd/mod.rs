@@ -7,16 +7,12 @@ pub mod dispatch;
 pub mod eight;
 pub mod sobol;
 
+pub use bdpm_accel::lanes::{LANES, Mask, Vec3s};
+
 use crate::base::rng::Rng;
 use bytemuck::{Pod, Zeroable};
 use dispatch::Reorder;
 use glam::Vec3;
-
-/// Number of paths side by side: two registers of AVX2, four of SSE.
-pub const LANES: usize = 16;
-
-/// A condition for each path.
-pub type Mask = [bool; LANES];
 
 /// Returns true if the condition holds for any path.
 #[inline(always)]
@@ -39,39 +35,6 @@ pub fn lanes_of(mut bits: u32) -> impl Iterator<Item = usize> {
         bits &= bits.wrapping_sub(1);
         (lane < LANES).then_some(lane)
     })
-}
-
-/// A vector of each path, component by component.
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C, align(64))]
-pub struct Vec3s {
-    /// First components.
-    pub x: [f32; LANES],
-    /// Second components.
-    pub y: [f32; LANES],
-    /// Third components.
-    pub z: [f32; LANES],
-}
-
-impl Vec3s {
-    /// One vector for all paths.
-    #[inline(always)]
-    pub fn splat(vector: Vec3) -> Self {
-        let [x, y, z] = vector.to_array().map(|number| [number; LANES]);
-        Self { x, y, z }
-    }
-
-    /// The vector of one path.
-    #[inline(always)]
-    pub fn get(&self, lane: usize) -> Vec3 {
-        Vec3::new(self.x[lane], self.y[lane], self.z[lane])
-    }
-
-    /// Replaces the vector of one path.
-    #[inline(always)]
-    pub fn set(&mut self, lane: usize, vector: Vec3) {
-        (self.x[lane], self.y[lane], self.z[lane]) = vector.into();
-    }
 }
 
 /// The random number generator of each path.

@@ -8,7 +8,7 @@ use super::{
     AccelInfo, Coherence, Geometry, Hit, HitPacket, Intersect, MeshError, Ray, RayPacket,
     TriangleMesh,
 };
-use crate::simd::Mask;
+use crate::lanes::Mask;
 use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;

@@ -4,10 +4,10 @@ use super::geometry::GeometryHandle;
 use super::instance::{PendingInstance, SharedMeshes};
 use super::packets::{self, PacketSize};
 use super::{Device, EmbreeError, single};
-use crate::accel::{
+use crate::lanes::Mask;
+use crate::{
     AccelInfo, Coherence, Geometry, Hit, HitPacket, Intersect, Ray, RayPacket, TriangleMesh,
 };
-use crate::simd::Mask;
 use embree4_sys as sys;
 use std::ptr::NonNull;
 use std::time::{Duration, Instant};

@@ -1,8 +1,8 @@
 //! The pure-Rust BVH against brute force and against what is known; needs no Embree.
 
 use crate::shapes::{Mesh, Random, coherent_rays, room};
-use bdpm::accel::bvh::{Bvh, BvhError};
-use bdpm::accel::{Coherence, Hit, Intersect, MeshError, Ray, TriangleMesh};
+use bdpm_accel::bvh::{Bvh, BvhError};
+use bdpm_accel::{Coherence, Hit, Intersect, MeshError, Ray, TriangleMesh};
 use glam::{DVec3, Vec3, Vec3Swizzles};
 
 fn bvh(meshes: &[Mesh]) -> Bvh {

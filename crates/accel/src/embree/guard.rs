@@ -5,7 +5,7 @@
 
 use super::packets::{self, PacketSize};
 use super::{CommittedScene, Device, EmbreeError, single};
-use crate::accel::{Hit, Ray, TriangleMesh};
+use crate::{Hit, Ray, TriangleMesh};
 use glam::{DAffine3, DVec3, Vec3};
 
 /// Number of words behind a query: enough for 32 more levels of instances in packets of 16.

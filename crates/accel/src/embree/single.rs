@@ -1,7 +1,7 @@
 //! Queries of single rays, and helpers that packets share.
 
 use super::guard::Guarded;
-use crate::accel::{Hit, Ray};
+use crate::{Hit, Ray};
 use embree4_sys as sys;
 use std::ptr::null_mut;
 

@@ -1,16 +1,19 @@
 //! Ray-scene intersection behind one small trait, batched from the ground up.
 //!
 //! Two backends implement [`Intersect`]: Intel Embree 4 (feature `embree`) and a pure-Rust BVH.
-//! They are interchangeable at run time, so tests check each against the other.
+//! They are interchangeable at run time, so tests check each against the other. The crate knows
+//! nothing of the renderer: programs that need only Embree, safely, use it alone. Scenes,
+//! materials and what a ray is for belong above.
 
-use crate::simd::{LANES, Mask};
+use crate::lanes::{LANES, Mask};
 use glam::Vec3;
 
 pub mod bvh;
 #[cfg(feature = "embree")]
 pub mod embree;
 mod geometry;
-pub(crate) mod packet;
+pub mod lanes;
+pub mod packet;
 
 pub use geometry::{Geometry, Instance, instance_transform};
 pub use packet::{HitPacket, RayPacket};
@@ -76,7 +79,7 @@ impl Hit {
 
 /// The next hit of `ray` that begins a relative `step` behind `hit`, and the step to take from
 /// there. Rounding may return the same point again: the step then doubles.
-pub(crate) fn next_after(accel: &dyn Intersect, ray: &Ray, hit: &Hit, step: f32) -> (Hit, f32) {
+pub fn next_after(accel: &dyn Intersect, ray: &Ray, hit: &Hit, step: f32) -> (Hit, f32) {
     let t_near = (hit.t * (1.0 + step)).max(f32::MIN_POSITIVE);
     let next = accel.closest_hit(&Ray { t_near, ..*ray });
     let again = (next.mesh, next.triangle) == (hit.mesh, hit.triangle);

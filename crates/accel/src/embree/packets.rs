@@ -8,10 +8,10 @@
 use super::Device;
 use super::guard::Guarded;
 use super::single::{closest_hit, far_end, fresh_ray, is_hit, is_occluded, named};
-use crate::accel::packet::used;
-use crate::accel::{Coherence, Hit, HitPacket, Ray, RayPacket};
-use crate::simd::dispatch::vectorized;
-use crate::simd::{LANES, Mask};
+use crate::lanes::vectorized;
+use crate::lanes::{LANES, Mask};
+use crate::packet::used;
+use crate::{Coherence, Hit, HitPacket, Ray, RayPacket};
 use embree4_sys as sys;
 use std::ptr::null_mut;
 
@@ -71,7 +71,7 @@ pub(super) unsafe fn intersect(
 ) {
     vectorized(
         #[inline(always)]
-        |_| {
+        || {
             // SAFETY: the caller's promise about the scene is handed on.
             unsafe {
                 match size {
@@ -95,7 +95,7 @@ pub(super) unsafe fn occlude(
 ) {
     vectorized(
         #[inline(always)]
-        |_| {
+        || {
             // SAFETY: the caller's promise about the scene is handed on.
             unsafe {
                 match size {

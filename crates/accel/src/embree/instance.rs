@@ -3,8 +3,7 @@
 use super::EmbreeError;
 use super::geometry::GeometryHandle;
 use super::scene::{CommittedScene, GeomId, SceneBuilder};
-use crate::accel::{Geometry, Instance, MeshError, TriangleMesh, instance_transform};
-use crate::base::math::Bounds;
+use crate::{Geometry, Instance, MeshError, TriangleMesh, instance_transform};
 use glam::{Affine3A, DAffine3, DVec3, Vec3};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -18,7 +17,8 @@ pub struct SharedId(usize);
 pub(super) struct SharedMeshes {
     /// Scene of these meshes; it never contains instances.
     pub(super) scene: SceneBuilder,
-    bounds: Bounds,
+    /// Smallest and largest coordinates; of no vertex, infinite.
+    bounds: [Vec3; 2],
     is_empty: bool,
 }
 
@@ -74,7 +74,8 @@ impl SceneBuilder {
             scene.add_mesh(mesh).map_err(|error| self.renumbered(error))?;
         }
         let points = meshes.iter().flat_map(|mesh| mesh.positions).copied();
-        let bounds = points.fold(Bounds::EMPTY, Bounds::with);
+        let empty = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        let bounds = points.fold(empty, |[min, max], point| [min.min(point), max.max(point)]);
         let is_empty = meshes.iter().all(|mesh| mesh.triangles.is_empty());
         self.shared.push(SharedMeshes { scene, bounds, is_empty });
         Ok(SharedId(self.shared.len() - 1))
@@ -134,8 +135,8 @@ impl SceneBuilder {
 }
 
 /// A corner of the box that the transform moves out of the range of coordinates.
-fn out_of_range(bounds: &Bounds, to_scene: DAffine3) -> Option<Vec3> {
-    let sides = [bounds.min.as_dvec3(), bounds.max.as_dvec3()];
+fn out_of_range(bounds: &[Vec3; 2], to_scene: DAffine3) -> Option<Vec3> {
+    let sides = bounds.map(|side| side.as_dvec3());
     (0..8)
         .map(|corner| DVec3::from_array([0, 1, 2].map(|axis| sides[corner >> axis & 1][axis])))
         .map(|corner| to_scene.transform_point3(corner).as_vec3())

@@ -2,7 +2,7 @@
 
 use super::scene::CommittedScene;
 use super::{Device, EmbreeError};
-use crate::accel::TriangleMesh;
+use crate::TriangleMesh;
 use bytemuck::Pod;
 use embree4_sys as sys;
 use glam::{Affine3A, Vec3};

@@ -5,11 +5,11 @@
 //! any number of threads.
 //!
 //! ```
-//! use bdpm_core::accel::embree::Device;
-//! use bdpm_core::accel::{Coherence, Hit, Intersect, Ray, TriangleMesh};
+//! use bdpm_accel::embree::Device;
+//! use bdpm_accel::{Coherence, Hit, Intersect, Ray, TriangleMesh};
 //! use glam::Vec3;
 //!
-//! # fn main() -> Result<(), bdpm_core::accel::embree::EmbreeError> {
+//! # fn main() -> Result<(), bdpm_accel::embree::EmbreeError> {
 //! let device = Device::new()?;
 //! let mut builder = device.scene_builder()?;
 //! let floor = builder.add_mesh(TriangleMesh {
@@ -36,7 +36,7 @@
 //!
 //! A committed scene never changes; `commit` consumes the builder:
 //! ```compile_fail,E0382
-//! # use bdpm_core::accel::{embree::*, TriangleMesh};
+//! # use bdpm_accel::{embree::*, TriangleMesh};
 //! # fn main() -> Result<(), EmbreeError> {
 //! let mut builder = Device::new()?.scene_builder()?;
 //! let scene = builder.commit()?;
@@ -46,7 +46,7 @@
 //! ```
 //! A committed scene has no such method either:
 //! ```compile_fail,E0599
-//! # use bdpm_core::accel::{embree::*, TriangleMesh};
+//! # use bdpm_accel::{embree::*, TriangleMesh};
 //! # fn misuse(mut scene: CommittedScene) -> Result<(), EmbreeError> {
 //! scene.add_mesh(TriangleMesh { positions: &[], triangles: &[] })?;
 //! # Ok(())
@@ -55,20 +55,20 @@
 //! A scene that is not committed has no queries, and a committed scene cannot be an instance in
 //! another, so there is one level of instances:
 //! ```compile_fail,E0599
-//! # use bdpm_core::accel::{embree::*, Intersect, Ray};
+//! # use bdpm_accel::{embree::*, Intersect, Ray};
 //! # fn misuse(builder: SceneBuilder, ray: Ray) {
 //! builder.closest_hit(&ray);
 //! # }
 //! ```
 //! ```compile_fail,E0308
-//! # use bdpm_core::accel::embree::*;
+//! # use bdpm_accel::embree::*;
 //! # fn misuse(builder: &mut SceneBuilder, other: CommittedScene) {
 //! builder.place(other, Default::default());
 //! # }
 //! ```
 //! A builder may move to another thread, but two threads cannot share it:
 //! ```compile_fail,E0277
-//! # use bdpm_core::accel::embree::*;
+//! # use bdpm_accel::embree::*;
 //! # fn misuse(builder: SceneBuilder) {
 //! let shared = &builder;
 //! std::thread::scope(|threads| {
@@ -78,15 +78,15 @@
 //! ```
 //! A scene or an id cannot be forged:
 //! ```compile_fail,E0423
-//! # use bdpm_core::accel::embree::*;
+//! # use bdpm_accel::embree::*;
 //! let id = GeomId(7);
 //! ```
 //! ```compile_fail,E0423
-//! # use bdpm_core::accel::embree::*;
+//! # use bdpm_accel::embree::*;
 //! let id = SharedId(7);
 //! ```
 //! ```compile_fail,E0451
-//! # use bdpm_core::accel::embree::*;
+//! # use bdpm_accel::embree::*;
 //! # fn misuse(real: CommittedScene) {
 //! let CommittedScene { handle, .. } = real;
 //! # }

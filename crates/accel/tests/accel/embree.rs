@@ -2,9 +2,9 @@
 //! this file under valgrind, so it stays small.
 
 use crate::shapes::{Mesh, Random, coherent_rays, room};
-use bdpm::accel::bvh::Bvh;
-use bdpm::accel::embree::{CommittedScene, Device, DeviceConfig, EmbreeError, Isa};
-use bdpm::accel::{Coherence, Hit, Intersect, MeshError, Ray, TriangleMesh};
+use bdpm_accel::bvh::Bvh;
+use bdpm_accel::embree::{CommittedScene, Device, DeviceConfig, EmbreeError, Isa};
+use bdpm_accel::{Coherence, Hit, Intersect, MeshError, Ray, TriangleMesh};
 use glam::{DAffine3, DVec3, Vec3};
 use std::num::NonZero;
 

@@ -1,7 +1,7 @@
 //! Rays and hits of several paths side by side, as backends trace them.
 
 use super::{Hit, Ray};
-use crate::simd::{LANES, Vec3s};
+use crate::lanes::{LANES, Vec3s};
 use bytemuck::{Pod, Zeroable};
 use std::ops::Range;
 
@@ -21,6 +21,7 @@ pub struct RayPacket {
 
 impl RayPacket {
     /// Rays with only their far end set, in units of the direction's length.
+    #[inline]
     pub fn until(t_far: f32) -> Self {
         let (origin, direction) = <(Vec3s, Vec3s)>::default();
         Self { origin, direction, t_near: [0.0; LANES], t_far: [t_far; LANES] }
@@ -30,6 +31,7 @@ impl RayPacket {
     ///
     /// # Panics
     /// If there are none.
+    #[inline]
     pub fn of(rays: &[Ray]) -> Self {
         let mut packet = Self::until(f32::INFINITY);
         for lane in 0..LANES {
@@ -101,6 +103,7 @@ impl HitPacket {
 
 impl Default for HitPacket {
     /// Sixteen misses.
+    #[inline]
     fn default() -> Self {
         let [t, u, v] = [Hit::MISS.t, Hit::MISS.u, Hit::MISS.v].map(|number| [number; LANES]);
         Self { t, u, v, mesh: [Hit::MISS.mesh; LANES], triangle: [Hit::MISS.triangle; LANES] }
@@ -111,7 +114,7 @@ impl Default for HitPacket {
 ///
 /// # Panics
 /// If `count` rays take another number of packets.
-pub(crate) fn used(count: usize, packets: usize) -> impl Iterator<Item = Range<usize>> {
+pub fn used(count: usize, packets: usize) -> impl Iterator<Item = Range<usize>> {
     assert_eq!(packets, count.div_ceil(LANES), "packets for {count} rays");
     (0..packets).map(move |packet| 0..(count - packet * LANES).min(LANES))
 }
