@@ -12,7 +12,6 @@ pub use bdpm_accel::lanes::{LANES, Mask, Vec3s};
 use crate::base::rng::Rng;
 use bytemuck::{Pod, Zeroable};
 use dispatch::Reorder;
-use glam::Vec3;
 
 /// Returns true if the condition holds for any path.
 #[inline(always)]
