@@ -10,7 +10,7 @@
 //! name is given (`light-paths`, `pixels`, `triangles` or `memory`). Only Linux reports peak memory.
 
 use bdpm::accel::Intersect;
-use bdpm::import::{Loaded, load};
+use bdpm::load::{Loaded, load};
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::scene::bsdf::Bsdf;

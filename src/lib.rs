@@ -12,6 +12,7 @@ pub mod import;
 pub mod film;
 #[doc(hidden)] // public for tests and benches
 pub mod transport;
+pub mod load;
 pub mod noise;
 pub mod render;
 pub mod timing;
@@ -27,8 +28,8 @@ pub mod paper;
 
 pub use adaptive::stopping::Stop;
 pub use base::error::{Error, Result};
-pub use import::load;
 pub use job::{Event, RenderJob, RenderResult};
+pub use load::load;
 pub use measurement::{MeasureJob, Measurement};
 pub use render::Renderer;
 pub use scene::Scene;

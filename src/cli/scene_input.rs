@@ -4,7 +4,7 @@ use super::progress::ProgressFormat;
 use super::{SceneArgs, positive_time, print_notes, say};
 use bdpm::accel::Intersect;
 use bdpm::base::error::Result;
-use bdpm::import::Loaded;
+use bdpm::load::Loaded;
 use bdpm::job;
 use bdpm::scene::backend;
 use bdpm::settings::provenance::Provenance;

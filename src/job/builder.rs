@@ -6,7 +6,7 @@ use crate::adaptive::plan::Plan;
 use crate::adaptive::stopping::Stop;
 use crate::adaptive::technique::FreeParameters;
 use crate::film::aov::AovSelection;
-use crate::import::Loaded;
+use crate::load::Loaded;
 use crate::noise::Measure;
 use crate::noise::schedule::MeasureSchedule;
 use crate::output::checkpoint::Checkpoint;

@@ -1,14 +1,16 @@
-//! A unidirectional path tracer: an independent estimator of the same image, to test the renderer with.
+//! A unidirectional path tracer: an independent estimator of the same image, to test the renderer
+//! with.
 //!
-//! It is simple, slow and unbiased. It shares the scene and its intersections with the renderer, and none of the
-//! transport: no photons and no merging. Caustics of small lights converge very slowly, and it cannot sample those of
-//! point lights. [`path_walker`](crate::scene::path_walker) follows the paths.
+//! It is simple, slow and unbiased. It shares the scene and its intersections with the renderer,
+//! and none of the transport: no photons and no merging. Caustics of small lights converge very
+//! slowly, and it cannot sample those of point lights. [`path_walker`](super::path_walker) follows
+//! the paths.
 
+use super::path_walker::{PathVisitor, radiance};
 use crate::accel::{Hit, Intersect, Ray};
 use crate::base::math::Rgb;
 use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::film::radiance::Film;
-use crate::scene::path_walker::{PathVisitor, radiance};
 use crate::scene::{LightSample, Receiver, Scene, View};
 use crate::settings::Settings;
 use glam::Vec3;
@@ -42,7 +44,8 @@ impl<'a> PathTracer<'a> {
         &self.film
     }
 
-    /// Adds an iteration, the mean of `paths` paths in each pixel, on the threads of the current rayon pool.
+    /// Adds an iteration, the mean of `paths` paths in each pixel, on the threads of the current
+    /// rayon pool.
     pub fn iterate(&mut self, paths: u32) {
         let key = StreamKey::new(self.seed, Stream::Reference, self.film.iterations);
         let (width, _) = self.film.resolution();

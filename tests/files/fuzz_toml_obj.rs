@@ -2,7 +2,7 @@
 //! good files with pieces deleted, doubled or replaced. `PROPTEST_CASES=100000` tries far more.
 
 use crate::common::mutate::{TOKENS, apply, change, load_and_check};
-use bdpm::import::load;
+use bdpm::load::load;
 use proptest::collection::vec;
 use proptest::prelude::*;
 

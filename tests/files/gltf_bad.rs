@@ -255,9 +255,9 @@ fn impossible_node_transforms_are_refused() {
     with(
         "/nodes/0/translation",
         json!([1e30, 0, 0]),
-        &["nodes[0]: its transform moves the mesh out"],
+        &["nodes[0]: its transform moves it out"],
     );
-    with("/nodes/0/scale", json!([1e308, 1, 1]), &["nodes[0]: its transform moves the mesh out"]);
+    with("/nodes/0/scale", json!([1e308, 1, 1]), &["nodes[0]: its transform moves it out"]);
     refused(
         |model| {
             model.json["nodes"] = json!([

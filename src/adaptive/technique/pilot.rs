@@ -394,7 +394,7 @@ fn common_weights(tried: &[Tried]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::load;
+    use crate::load::load;
     use crate::scene::backend::{Backend, build};
     use crate::settings::MediumQuery;
 

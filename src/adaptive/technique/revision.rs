@@ -196,7 +196,7 @@ fn measure(renderer: &Renderer, pilot_times: &TimeModel) -> Option<Measured> {
 mod tests {
     use super::*;
     use crate::adaptive::technique::{FreeParameters, pilot};
-    use crate::import::load;
+    use crate::load::load;
     use crate::noise::Measure;
     use crate::scene::backend::{Backend, build};
     use crate::settings::{Bias, PartialSettings};

@@ -450,7 +450,7 @@ fn footprint(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::load;
+    use crate::load::load;
     use crate::scene::backend::{Backend, build};
     use crate::settings::Direct;
     use crate::transport::photon::PhotonClass;

@@ -9,7 +9,7 @@ mod opening;
 mod planes;
 mod write;
 
-use super::load::extension;
+use super::read::extension;
 use super::text::read_bytes;
 use crate::base::error::{Error, Result};
 use crate::scene::IntensityDistribution;
@@ -77,7 +77,7 @@ impl LuminaireFile {
     ///
     /// # Errors
     /// Names the line that is not valid.
-    pub(in crate::import) fn parse_ies(path: &Path, bytes: &[u8]) -> Result<Self> {
+    pub fn parse_ies(path: &Path, bytes: &[u8]) -> Result<Self> {
         lm63::parse(path, bytes)
     }
 

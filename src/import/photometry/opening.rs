@@ -104,7 +104,7 @@ impl OpeningShape {
 
     /// Surface of the opening around `position` with these axes, a scene unit being a meter; and whether it is a plane
     /// that emits from both sides. `None` for a point.
-    pub(in crate::import) fn surface(&self, axes: DMat3, position: DVec3) -> Option<(Mesh, bool)> {
+    pub fn surface(&self, axes: DMat3, position: DVec3) -> Option<(Mesh, bool)> {
         let (points, triangles, is_flat) = match *self {
             Self::Point => return None,
             Self::Box(size) => box_surface(size),

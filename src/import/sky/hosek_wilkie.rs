@@ -29,7 +29,7 @@ fn table(index: usize) -> f64 {
 
 /// A sky for one position of the sun.
 #[derive(Clone, Debug)]
-pub(in crate::import) struct HosekWilkie {
+pub struct HosekWilkie {
     /// For each channel.
     parameters: [[f64; PARAMETERS]; 3],
     /// Mean radiance of each channel, W/(m^2 sr).
@@ -103,7 +103,7 @@ impl HosekWilkie {
 }
 
 /// Irradiance of a surface that faces the sun, W/m^2, at a turbidity and an elevation in radians.
-pub(in crate::import) fn sun_irradiance(turbidity: f64, elevation: f64) -> Rgb {
+pub fn sun_irradiance(turbidity: f64, elevation: f64) -> Rgb {
     let at = ((elevation.to_degrees() - 2.0) / 3.0).clamp(0.0, (SUN_ELEVATIONS - 1) as f64);
     let low = (at as usize).min(SUN_ELEVATIONS - 2);
     let mut sum = DVec3::ZERO;
@@ -118,7 +118,7 @@ pub(in crate::import) fn sun_irradiance(turbidity: f64, elevation: f64) -> Rgb {
 }
 
 /// Solid angle of a cone around its axis up to `half_angle`, radians.
-pub(in crate::import) fn cone(half_angle: f64) -> f64 {
+pub fn cone(half_angle: f64) -> f64 {
     // 1 - cos(a) without cancellation.
     TAU * 2.0 * (0.5 * half_angle).sin().powi(2)
 }

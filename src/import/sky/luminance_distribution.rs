@@ -95,7 +95,7 @@ const LEAST_COSINE: f64 = 0.01;
 
 /// A sky whose radiance is a gradation by the zenith angle, times an indicatrix by the angle to the sun.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::import) struct LuminanceDistribution {
+pub struct LuminanceDistribution {
     a: f64,
     b: f64,
     c: f64,

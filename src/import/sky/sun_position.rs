@@ -3,7 +3,7 @@
 
 /// A place and a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::import) struct PlaceAndTime {
+pub struct PlaceAndTime {
     /// Degrees, north is positive.
     pub latitude: f64,
     /// Degrees, east is positive.
@@ -24,7 +24,7 @@ const PARALLAX: f64 = 6371.01 / 149_597_890.0;
 
 /// Squared ratio of the mean distance to the sun to the distance on a day: Spencer, *Fourier Series Representation of
 /// the Position of the Sun* (1971). `day` counts from 1 in a year.
-pub(in crate::import) fn eccentricity(day: f64) -> f64 {
+pub fn eccentricity(day: f64) -> f64 {
     let angle = std::f64::consts::TAU * (day - 1.0) / 365.0;
     let (sin, cos) = angle.sin_cos();
     let (sin2, cos2) = (2.0 * angle).sin_cos();
