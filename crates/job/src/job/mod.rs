@@ -4,7 +4,7 @@
 //! scene -> pilot (technique, radii, guide) -> iterations (counts chosen on the way) -> RenderResult
 //! ```
 //!
-//! A job reads and writes no files: [`import`](bdpm_import) loads scenes, and
+//! A job reads and writes no files: [`load`](mod@bdpm_load) loads scenes, and
 //! [`output`](crate::output) writes images and pages from the [`RenderResult`]. An observer sees
 //! the [`RenderState`] after every iteration.
 
