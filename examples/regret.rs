@@ -6,7 +6,7 @@
 //! ```
 //!
 //! - The *reference* and the error: `examples/references`.
-//! - The *grid* is all strategies at radii over 16-fold, both kernels at the scene's radius, and caustic radii of a
+//! - The *grid* is all strategies, path tracing among them, at radii over 16-fold, both kernels at the scene's radius, and caustic radii of a
 //!   quarter and of all of it. Each is rendered for [`MEASURED`] seconds at counts that the program chooses for it
 //!   (docs/measurements/optimum.md: what these lose). Its squared error less its noise is its squared bias; its noise falls
 //!   with the time.
@@ -76,6 +76,7 @@ fn places(subject: &Subject) -> Vec<Place> {
         (Strategy::Single, 1, Direct::PhotonMap),
         (Strategy::Single, 2, Direct::Connect),
         (Strategy::Mis, 2, Direct::Connect),
+        (Strategy::CutMis, 2, Direct::Connect),
     ];
     let mut all = Vec::new();
     for strategy in strategies {
@@ -88,6 +89,8 @@ fn places(subject: &Subject) -> Vec<Place> {
             all.push(place(strategy, Kernel::Disc, factor, 1.0));
         }
     }
+    // Radii do not matter without photons. Point lights in glass are then missing, which the bias tells.
+    all.push(place((Strategy::Path, 2, Direct::Connect), Kernel::Area, 1.0, 1.0));
     all
 }
 
@@ -145,11 +148,13 @@ fn compare(
             })
         };
         println!(
-            "strategies | {scene} | {side} | {seconds} s | {} | {} | {} | {} | {} |",
+            "strategies | {scene} | {side} | {seconds} s | {} | {} | {} | {} | {} | {} | {} |",
             area(Strategy::Single, 1, Direct::Connect),
             area(Strategy::Single, 1, Direct::PhotonMap),
             area(Strategy::Single, 2, Direct::Connect),
             area(Strategy::Mis, 2, Direct::Connect),
+            area(Strategy::CutMis, 2, Direct::Connect),
+            area(Strategy::Path, 2, Direct::Connect),
             least(&|place| place.technique.kernel == Kernel::Disc),
         );
         best.truncate(FINALISTS);

@@ -7,6 +7,8 @@
 //! A job reads and writes no files: [`import`](crate::import) loads scenes, and [`output`](crate::output) writes images
 //! and pages from the [`RenderResult`]. An observer sees the [`RenderState`] after every iteration.
 
+mod audit;
+mod audit_report;
 mod builder;
 mod denoising;
 mod iterate;
@@ -21,6 +23,9 @@ mod step;
 mod time_check;
 mod worker;
 
+pub use audit::{Audit, DEFAULT_SHARE};
+pub use audit_report::{AuditReport, AuditedRegion, Verdict};
+pub(crate) use audit_report::{MIN_HITS, named_regions};
 pub use denoising::{DenoisedPromise, DenoisedReport, Denoising};
 pub use outline::JobOutline;
 pub use result::{RelativeError, RenderResult};
@@ -46,14 +51,16 @@ use crate::noise::film::BatchGrain;
 use crate::noise::schedule::MeasureSchedule;
 use crate::output::checkpoint::Checkpoint;
 use crate::output::denoise::ErrorSummary;
+use crate::render::audit::AuditSums;
 use crate::render::block::Block;
 use crate::render::{RenderConfig, Renderer};
 use crate::scene::backend;
 use crate::scene::backend::Backend;
 use crate::scene::{Media, Scene};
 use crate::settings::provenance::{Provenance, Reuse};
-use crate::settings::{PartialSettings, Settings};
+use crate::settings::{Bias, PartialSettings, Settings};
 use crate::timing::{TimeModel, Timings};
+use audit::AuditPace;
 use leader::Leader;
 use rayon::ThreadPool;
 use shard::ShardIterations;
@@ -107,9 +114,12 @@ pub struct RenderJob {
     pixel_noise: bool,
     aovs: AovSelection,
     denoise: bool,
+    audit: Option<f64>,
     shard: Option<Shard>,
     interrupt: Arc<AtomicBool>,
     planted: Option<PlantedFailure>,
+    /// Sums of the audit of the image that is resumed.
+    audited: Option<AuditSums>,
 }
 
 /// Start of an image.
@@ -271,7 +281,8 @@ impl RenderJob {
             }
         }
         config.grain = self.batch_grain(&provenance.settings, is_automatic)?;
-        config.aovs = self.kept_aovs();
+        let pace = AuditPace::new(self.audit, is_automatic);
+        config.aovs = self.kept_aovs(&provenance.settings, pace);
         renderer = renderer.configure(config)?;
         if let Some(iterations) = &iterations {
             renderer.assign(iterations.assigned.clone());
@@ -284,8 +295,11 @@ impl RenderJob {
             iterations.as_ref(),
         )?;
         if let Some(leader) = leader {
-            leader.set_up(&provenance, *renderer.config())?;
+            leader.set_up(&provenance, *renderer.config(), pace)?;
         }
+        let earlier = self.audited.take();
+        let audit = pace.map(|pace| threads.install(|| Audit::new(&renderer, pace))).transpose()?;
+        let audit = audit.flatten().map(|audit| audit.resumed(earlier.as_ref()));
         let regions = scene.regions.iter();
         let regions = regions.filter_map(|region| region.within(&provenance.settings)).collect();
         let state = RenderState {
@@ -300,6 +314,8 @@ impl RenderJob {
             selection,
             revision,
             denoising,
+            audit,
+            has_warned_of_audit: false,
             sharded: iterations.map(|iterations| iterations.sharded),
             regions,
             totals: Totals::default(),
@@ -478,11 +494,14 @@ impl RenderJob {
     }
 
     /// Layers to accumulate: the selected ones and those that the denoiser needs.
-    fn kept_aovs(&self) -> AovSelection {
+    fn kept_aovs(&self, settings: &Settings, audit: Option<AuditPace>) -> AovSelection {
         let AovSelection { features, folds, .. } = self.aovs;
+        // Images whose bias is corrected have halves of their own.
+        let halves = audit.is_some() && settings.has_photons() && settings.bias == Bias::Keep;
         AovSelection {
             features: features || self.denoise,
             folds: folds || self.denoise,
+            halves,
             ..self.aovs
         }
     }
@@ -513,6 +532,7 @@ impl RenderJob {
             Start::Checkpoint { checkpoint, file } => {
                 self.check_resumed(&checkpoint, stop, iterations).map_err(|e| e.at(&file))?;
                 let mut checkpoint = *checkpoint;
+                self.audited = checkpoint.audit.take();
                 state = checkpoint.autopilot;
                 *stop = stop.with_pilot_bias2(state.map_or(0.0, |state| state.bias2()));
                 renderer.resume(checkpoint.take_partial())?;

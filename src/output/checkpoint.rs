@@ -11,6 +11,7 @@ use crate::base::input::read_if_begins;
 use crate::base::iteration_set::IterationSet;
 use crate::render::PartialRender;
 use crate::render::accumulators::SharedStatistics;
+use crate::render::audit::AuditSums;
 use crate::render::block::{Block, PhaseClock};
 use crate::scene::Region;
 use crate::settings::provenance::Provenance;
@@ -24,7 +25,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
 
 /// Version of the payload's layout. Increase it with every change.
-const FORMAT: u32 = 16;
+const FORMAT: u32 = 17;
 
 /// Bytes before the payload.
 const HEADER: usize = MAGIC.len() + size_of::<u32>();
@@ -49,6 +50,8 @@ pub struct Checkpoint<'a> {
     pub sharded: Option<ShardedImage>,
     /// The scene's named regions.
     pub regions: Vec<Region>,
+    /// Sums of the audit, if the image is audited.
+    pub audit: Option<AuditSums>,
 }
 
 /// An image whose iterations are split into shards.
@@ -80,6 +83,7 @@ struct Payload<'a> {
     plan: Option<Cow<'a, Plan>>,
     sharded: Option<ShardedImage>,
     regions: Cow<'a, [Region]>,
+    audit: Option<Cow<'a, AuditSums>>,
     /// Times of the blocks; empty unless path counts are automatic, so that equal images have equal checkpoints.
     clocks: Vec<PhaseClock>,
 }
@@ -95,6 +99,7 @@ impl<'a> Checkpoint<'a> {
             plan: None,
             sharded: None,
             regions: Vec::new(),
+            audit: None,
         }
     }
 
@@ -104,7 +109,7 @@ impl<'a> Checkpoint<'a> {
     /// # Errors
     /// If the file cannot be written; the old file is then unchanged. The error names the file.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let Self { provenance, blocks, shared, autopilot, plan, sharded, regions } = self;
+        let Self { provenance, blocks, shared, autopilot, plan, sharded, regions, audit } = self;
         let clocks = match autopilot {
             Some(_) => blocks.iter().map(|block| block.clock).collect(),
             None => Vec::new(),
@@ -113,8 +118,18 @@ impl<'a> Checkpoint<'a> {
         let shared = Cow::Borrowed(&**shared);
         let plan = plan.as_ref().map(Cow::Borrowed);
         let (autopilot, sharded, regions) = (*autopilot, *sharded, Cow::Borrowed(&regions[..]));
-        let payload =
-            Payload { provenance, blocks, shared, autopilot, plan, sharded, regions, clocks };
+        let audit = audit.as_ref().map(Cow::Borrowed);
+        let payload = Payload {
+            provenance,
+            blocks,
+            shared,
+            autopilot,
+            plan,
+            sharded,
+            regions,
+            audit,
+            clocks,
+        };
         write_atomically(path, |to| {
             let mut hashing = Hashing { to, hash: Xxh3Default::new(), failure: None };
             hashing.write_all(&MAGIC)?;
@@ -177,8 +192,18 @@ impl Checkpoint<'static> {
         // Below, only a file with a forged checksum fails.
         let (payload, rest): (Payload, _) =
             postcard::take_from_bytes(payload).map_err(|_| damaged())?;
-        let Payload { provenance, blocks, shared, autopilot, plan, sharded, regions, clocks } =
-            payload;
+        let Payload {
+            provenance,
+            blocks,
+            shared,
+            autopilot,
+            plan,
+            sharded,
+            regions,
+            audit,
+            clocks,
+        } = payload;
+        let audit = audit.map(Cow::into_owned);
         let (provenance, mut blocks) = (provenance.into_owned(), blocks.into_owned());
         let (plan, regions) = (plan.map(Cow::into_owned), regions.into_owned());
         provenance.settings.validate()?;
@@ -187,6 +212,7 @@ impl Checkpoint<'static> {
             && blocks.is_sorted_by(|one, next| one.first < next.first)
             && shared.fits(&provenance.settings)
             && plan.as_ref().is_none_or(Plan::is_consistent)
+            && audit.as_ref().is_none_or(|audit| audit.fits(&provenance.settings))
             && sharded
                 .is_none_or(|sharded| (1..=sharded.iterations).contains(&sharded.shards.into()));
         let timed = if autopilot.is_some() { blocks.len() } else { 0 };
@@ -197,7 +223,7 @@ impl Checkpoint<'static> {
             block.clock = clock;
         }
         let blocks = Cow::Owned(blocks);
-        Ok(Self { provenance, blocks, shared, autopilot, plan, sharded, regions })
+        Ok(Self { provenance, blocks, shared, autopilot, plan, sharded, regions, audit })
     }
 }
 
@@ -278,7 +304,7 @@ mod tests {
             seed: u64::MAX,
             mis_scales: None,
         };
-        let aovs = AovSelection { light: true, features: true, folds: true };
+        let aovs = AovSelection { light: true, features: true, folds: true, halves: false };
         let config = RenderConfig { aovs, ..RenderConfig::default() };
         let request = config.request(&settings);
         let first =
@@ -321,6 +347,7 @@ mod tests {
             plan,
             sharded,
             regions,
+            audit: None,
         }
     }
 

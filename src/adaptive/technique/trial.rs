@@ -7,6 +7,7 @@ use crate::film::counts::Counts;
 use crate::noise::image::NoiseImage;
 use crate::noise::{Coefficients, Measure};
 use crate::render::Renderer;
+use crate::render::audit::brightest_path;
 use crate::render::guiding::{
     LEARNING_CAMERA_PATHS, LEARNING_LIGHT_PATHS, LEARNING_PIXELS, LEARNING_ROUND, Learned,
 };
@@ -345,6 +346,11 @@ impl<'a> TrialRunner<'a> {
         let lights = self.scene.lights();
         let are_hit = lights.has_environment() || !lights.emitters().iter().all(Emitter::is_delta);
         are_hit && self.scene.materials().iter().any(|material| material.bsdf.has_rough())
+    }
+
+    /// The largest luminance that a camera path is likely to find, W/(m^2 sr).
+    pub fn brightest(&self) -> f64 {
+        brightest_path(self.scene)
     }
 
     /// A renderer of the sample that shares areas with an earlier one of the same lookup radius, because

@@ -3,6 +3,7 @@
 //! The page is a single file without external resources, which its content policy enforces. It is written atomically,
 //! and reloads itself until the render is done. Zoom, slider and scroll position are kept.
 
+mod audit;
 mod choice;
 mod convergence;
 mod maps;
@@ -102,6 +103,7 @@ impl Page {
                 (sections::summary(snapshot))
                 (maps.viewer(snapshot.image.resolution()))
                 (maps.errors(snapshot))
+                (audit::section(snapshot))
                 section {
                     h2 { "Convergence" }
                     (convergence::section(snapshot))
