@@ -21,6 +21,7 @@ pub mod output;
 pub mod mpi;
 pub mod job;
 pub mod measurement;
+pub mod judge;
 #[cfg(feature = "cli")]
 #[doc(hidden)] // public for the program
 pub mod paper;
