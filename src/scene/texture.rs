@@ -41,19 +41,21 @@ impl Wrap {
     #[inline]
     fn fold(self, x: f32) -> f32 {
         match self {
-            // Remainders may round up, and are NaN if `x` is infinite.
-            Self::Repeat => x.rem_euclid(1.0).min(1.0),
-            Self::Mirror => (1.0 - (x.rem_euclid(2.0) - 1.0).abs()).max(0.0),
+            // Differences may round up, and are NaN if `x` is infinite. (Remainders would be library calls.)
+            Self::Repeat => (x - x.floor()).min(1.0),
+            Self::Mirror => (1.0 - (x - 2.0 * (0.5 * x).floor() - 1.0).abs()).max(0.0),
             Self::Clamp => x.clamp(0.0, 1.0),
         }
     }
 
     /// The texel that index `i`, at most one outside, maps to.
     #[inline]
-    fn texel(self, i: i64, size: u32) -> usize {
-        let size = i64::from(size);
+    fn texel(self, i: i32, size: u32) -> usize {
+        let size = size as i32;
         let inside = match self {
-            Self::Repeat => i.rem_euclid(size),
+            Self::Repeat if i < 0 => i + size,
+            Self::Repeat if i >= size => i - size,
+            Self::Repeat => i,
             Self::Mirror | Self::Clamp => i.clamp(0, size - 1),
         };
         inside as usize
@@ -169,8 +171,8 @@ impl Texture {
         let along = |wrap: Wrap, x: f32, size: u32| {
             let position = x * size as f32 - if nearest { 0.0 } else { 0.5 };
             let low = position.floor();
-            let index = |i: f32| wrap.texel(i as i64, size);
-            (index(low), index(low + 1.0), position - low)
+            let index = low as i32;
+            (wrap.texel(index, size), wrap.texel(index + 1, size), position - low)
         };
         let (left, right, x) = along(across, across.fold(uv.x), self.width);
         let (top, bottom, y) = along(up, 1.0 - up.fold(uv.y), self.height);

@@ -210,7 +210,7 @@ fn assert_reciprocal_densities(lights: &Lights) {
         let at = Receiver { position, normal: Some(normal) };
         let choice = lights.by_estimate.choose(at, rng.next_f64());
         let Some((index, prob)) = choice else { continue };
-        let Some(sample) = lights.connect_chosen(index, prob, at, &mut rng) else {
+        let Some(sample) = lights.connect_chosen(ChosenLight { index, prob, at }, &mut rng) else {
             continue;
         };
         let cos = sample.wi.dot(normal);

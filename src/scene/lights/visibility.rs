@@ -7,7 +7,7 @@
 
 use super::environment::REGIONS;
 use super::tree_node::WIDE;
-use super::{LightSample, Lights, Receiver};
+use super::{ChosenLight, LightSample, Lights, Receiver};
 use crate::base::rng::Rng;
 use glam::{UVec3, Vec3};
 
@@ -336,7 +336,7 @@ impl Lights {
     /// Chooses a light of a slot to test its visibility from a vertex; `None` if it cannot light the vertex.
     pub fn visibility_test(&self, slot: u8, at: Receiver, rng: &mut Rng) -> Option<VisibilityTest> {
         let (index, slots) = self.by_estimate.choose_in(slot, at, rng.next_f64())?;
-        let light = self.connect_chosen(index, 1.0, at, rng)?;
+        let light = self.connect_chosen(ChosenLight { index, prob: 1.0, at }, rng)?;
         let is_environment = index == self.emitters.len();
         let region = is_environment.then(|| self.chosen_environment().region(light.wi));
         Some(VisibilityTest { at, light, slots, region })
