@@ -9,7 +9,7 @@ use crate::accel::{Hit, HitPacket, Ray};
 use crate::base::math::Rgb;
 use crate::scene::bsdf::Bsdf;
 use crate::simd::dispatch::{Simd, transpose_rows};
-use crate::simd::{LANES, Mask, Vec3s, any, bits};
+use crate::simd::{LANES, Mask, Vec3s, any, bits, lanes_of};
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 use std::array::from_fn;
@@ -120,6 +120,25 @@ impl Scene {
             let material = triangles[lane].material as usize;
             at.emission.set(lane, self.materials[material].emission);
         }
+    }
+
+    /// Reads the corners and texels of the hits of `lanes`, so that [`Self::surface`] waits for all of them together
+    /// instead of one after the other: scenes are larger than the caches.
+    pub fn read_ahead(&self, hits: &HitPacket, lanes: u32) {
+        let mut corners = [None; LANES];
+        for lane in lanes_of(lanes) {
+            let hit = hits.get(lane);
+            let triangle = self.triangle(hit.mesh, hit.triangle).expect("a hit");
+            let material = &self.materials[triangle.material as usize];
+            let own = self.corners.get(triangle.corners as usize);
+            corners[lane] = own.filter(|_| material.varies()).map(|own| (own, hit, material));
+        }
+        let mut read = 0;
+        for (corners, hit, material) in corners.into_iter().flatten() {
+            let uv = interpolate(corners.uvs, [hit.u, hit.v]);
+            read ^= material.albedo_texture.as_ref().map_or(0, |texture| texture.read(uv));
+        }
+        std::hint::black_box(read);
     }
 
     /// The surface that `ray`, of unit direction, hit.

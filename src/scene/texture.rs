@@ -164,21 +164,36 @@ impl Texture {
         self.filtered(uv, value).x
     }
 
+    /// Reads the texels around `uv`, so that they are in the caches.
+    #[inline]
+    pub(super) fn read(&self, uv: Vec2) -> u8 {
+        let (left, _, _) = self.along(0, uv.x);
+        let (top, bottom, _) = self.along(1, uv.y);
+        let column = |row: usize| self.texels[row * self.width as usize + left][0];
+        column(top) ^ column(bottom)
+    }
+
+    /// The texels before and after a position along an axis, and the position between them.
+    #[inline]
+    fn along(&self, axis: usize, position: f32) -> (usize, usize, f32) {
+        let Sampling { wrap, nearest } = self.sampling;
+        let (wrap, size) = (wrap[axis], [self.width, self.height][axis]);
+        let folded = wrap.fold(position);
+        // Rows are from the top. Texel centers lie at halves.
+        let folded = if axis == 0 { folded } else { 1.0 - folded };
+        let position = folded * size as f32 - if nearest { 0.0 } else { 0.5 };
+        let low = position.floor();
+        let index = low as i32;
+        (wrap.texel(index, size), wrap.texel(index + 1, size), position - low)
+    }
+
     /// The nearest texel, or the bilinear interpolation of the four around `uv`.
     fn filtered(&self, uv: Vec2, value: impl Fn([u8; 4]) -> Vec4) -> Vec4 {
-        let Sampling { wrap: [across, up], nearest } = self.sampling;
-        // Texel centers lie at halves.
-        let along = |wrap: Wrap, x: f32, size: u32| {
-            let position = x * size as f32 - if nearest { 0.0 } else { 0.5 };
-            let low = position.floor();
-            let index = low as i32;
-            (wrap.texel(index, size), wrap.texel(index + 1, size), position - low)
-        };
-        let (left, right, x) = along(across, across.fold(uv.x), self.width);
-        let (top, bottom, y) = along(up, 1.0 - up.fold(uv.y), self.height);
+        let (left, right, x) = self.along(0, uv.x);
+        let (top, bottom, y) = self.along(1, uv.y);
         let texel =
             |column: usize, row: usize| value(self.texels[row * self.width as usize + column]);
-        if nearest {
+        if self.sampling.nearest {
             return texel(left, top);
         }
         let above = texel(left, top).lerp(texel(right, top), x);

@@ -320,6 +320,9 @@ impl Tracer {
                 });
             }
             let rest = scene.lambertian(simd, &states.direction, hits, count, &mut seen, &mut at);
+            if rest.others != 0 {
+                scene.read_ahead(hits, rest.others);
+            }
             for lane in lanes_of(rest.others) {
                 let (ray, mut state) = states.get(lane);
                 let hit = hits.get(lane);

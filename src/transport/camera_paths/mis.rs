@@ -188,7 +188,8 @@ impl CameraPaths {
         } else {
             let survival = mis.camera_survival(state.history.diffuse() + 1);
             let camera = directions.camera_diffuse(surface, survival);
-            (camera, partial.arrive(directions.light_diffuse(surface)))
+            let merges = partial.arrive(1.0);
+            (camera, if merges > 0.0 { merges * directions.light_diffuse(surface) } else { 0.0 })
         };
         let cos = light.wi.dot(surface.normal).abs();
         let l = emission_over_connection(lights, light, cos);

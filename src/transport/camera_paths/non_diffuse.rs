@@ -64,6 +64,7 @@ impl CameraPaths {
         others: &mut Vec<Other<'a>>,
     ) {
         others.clear();
+        pass.scene.read_ahead(hits, lanes);
         for lane in lanes_of(lanes) {
             let ((ray, mut state), hit) = (states.get(lane), hits.get(lane));
             if let Some(surface) = other_surface(pass.scene, &ray, &hit, at, lane, &mut state) {

@@ -91,8 +91,8 @@ impl Directions {
     #[inline(never)] // rare
     pub fn light_over_camera(&self, surface: &Surface, lobe: Lobe, choice: PassChoice) -> f32 {
         let bsdf = &surface.bsdf;
-        let at_light = surface.seen_from(self.light).vertex(Transport::Flux);
-        let at_camera = surface.seen_from(self.camera).vertex(Transport::Radiance);
+        let at_light = surface.vertex_from(self.light, Transport::Flux);
+        let at_camera = surface.vertex_from(self.camera, Transport::Radiance);
         let chosen = match choice {
             PassChoice::Free => 1.0,
             PassChoice::Forced => bsdf.pass_prob(&at_camera).max(MIN_DENSITY),
@@ -111,7 +111,7 @@ impl Directions {
 
     /// Density with which a camera path goes on toward the light from a rough lobe of `surface`.
     pub fn camera_rough(&self, surface: &Surface, choice: PassChoice) -> f32 {
-        let at = surface.seen_from(self.camera).vertex(Transport::Radiance);
+        let at = surface.vertex_from(self.camera, Transport::Radiance);
         let density = rough_density(&surface.bsdf, &at, self.light);
         match choice {
             PassChoice::Free => density,
@@ -121,19 +121,19 @@ impl Directions {
 
     /// Density with which a light path goes on toward the camera from a rough lobe of `surface`.
     pub fn light_rough(&self, surface: &Surface) -> f32 {
-        let at = surface.seen_from(self.light).vertex(Transport::Flux);
+        let at = surface.vertex_from(self.light, Transport::Flux);
         rough_density(&surface.bsdf, &at, self.camera)
     }
 
     /// Density with which a light path goes on toward the camera from a lobe of `surface` that merges.
     pub fn light_diffuse(&self, surface: &Surface) -> f32 {
-        let at = surface.seen_from(self.light).vertex(Transport::Flux);
+        let at = surface.vertex_from(self.light, Transport::Flux);
         Survival::LIGHT.density(&surface.bsdf, &at, self.camera)
     }
 
     /// Density with which a camera path goes on toward the light from a lobe of `surface` that merges.
     pub fn camera_diffuse(&self, surface: &Surface, survival: Survival) -> f32 {
-        let at = surface.seen_from(self.camera).vertex(Transport::Radiance);
+        let at = surface.vertex_from(self.camera, Transport::Radiance);
         survival.density(&surface.bsdf, &at, self.light)
     }
 }
