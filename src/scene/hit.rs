@@ -125,20 +125,22 @@ impl Scene {
     /// Reads the corners and texels of the hits of `lanes`, so that [`Self::surface`] waits for all of them together
     /// instead of one after the other: scenes are larger than the caches.
     pub fn read_ahead(&self, hits: &HitPacket, lanes: u32) {
-        let mut corners = [None; LANES];
+        let mut textured = [None; LANES];
+        let mut count = 0;
         for lane in lanes_of(lanes) {
             let hit = hits.get(lane);
             let triangle = self.triangle(hit.mesh, hit.triangle).expect("a hit");
-            let material = &self.materials[triangle.material as usize];
-            let own = self.corners.get(triangle.corners as usize);
-            corners[lane] = own.filter(|_| material.varies()).map(|own| (own, hit, material));
+            let texture = self.materials[triangle.material as usize].albedo_texture.as_deref();
+            let own = self.corners.get(triangle.corners as usize).zip(texture);
+            textured[count] = own.map(|(own, texture)| (own.uvs, [hit.u, hit.v], texture));
+            count += usize::from(own.is_some());
         }
-        let mut read = 0;
-        for (corners, hit, material) in corners.into_iter().flatten() {
-            let uv = interpolate(corners.uvs, [hit.u, hit.v]);
-            read ^= material.albedo_texture.as_ref().map_or(0, |texture| texture.read(uv));
+        let mut texels = [None; LANES];
+        for (texels, textured) in texels.iter_mut().zip(&textured[..count]) {
+            *texels = textured.map(|(uvs, at, texture)| texture.rows_around(interpolate(uvs, at)));
         }
-        std::hint::black_box(read);
+        let read = texels[..count].iter().flatten().flatten();
+        std::hint::black_box(read.fold(0, |all, texel| all ^ texel[0]));
     }
 
     /// The surface that `ray`, of unit direction, hit.

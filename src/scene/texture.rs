@@ -36,12 +36,16 @@ pub enum Wrap {
     Clamp,
 }
 
+/// Coordinates below it have an integer part of 32 bits.
+const LARGE: f32 = (1_u32 << 30) as f32;
+
 impl Wrap {
     /// The coordinate within [0, 1] that `x` maps to.
     #[inline]
     fn fold(self, x: f32) -> f32 {
         match self {
             // Differences may round up, and are NaN if `x` is infinite. (Remainders would be library calls.)
+            Self::Repeat if x.abs() < LARGE => x - floor(x) as f32,
             Self::Repeat => (x - x.floor()).min(1.0),
             Self::Mirror => (1.0 - (x - 2.0 * (0.5 * x).floor() - 1.0).abs()).max(0.0),
             Self::Clamp => x.clamp(0.0, 1.0),
@@ -66,6 +70,13 @@ impl std::fmt::Debug for Texture {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Texture({}x{})", self.width, self.height)
     }
+}
+
+/// The greatest integer up to `x`, by instructions of any processor: the standard function is a call.
+#[inline]
+fn floor(x: f32) -> i32 {
+    let toward_zero = x as i32;
+    toward_zero - i32::from((toward_zero as f32) > x)
 }
 
 /// Linear values of sRGB codes (IEC 61966-2-1).
@@ -164,13 +175,12 @@ impl Texture {
         self.filtered(uv, value).x
     }
 
-    /// Reads the texels around `uv`, so that they are in the caches.
+    /// The upper and the lower left one of the texels around `uv`.
     #[inline]
-    pub(super) fn read(&self, uv: Vec2) -> u8 {
+    pub(super) fn rows_around(&self, uv: Vec2) -> [&[u8; 4]; 2] {
         let (left, _, _) = self.along(0, uv.x);
         let (top, bottom, _) = self.along(1, uv.y);
-        let column = |row: usize| self.texels[row * self.width as usize + left][0];
-        column(top) ^ column(bottom)
+        [top, bottom].map(|row| &self.texels[row * self.width as usize + left])
     }
 
     /// The texels before and after a position along an axis, and the position between them.
@@ -182,9 +192,8 @@ impl Texture {
         // Rows are from the top. Texel centers lie at halves.
         let folded = if axis == 0 { folded } else { 1.0 - folded };
         let position = folded * size as f32 - if nearest { 0.0 } else { 0.5 };
-        let low = position.floor();
-        let index = low as i32;
-        (wrap.texel(index, size), wrap.texel(index + 1, size), position - low)
+        let index = floor(position);
+        (wrap.texel(index, size), wrap.texel(index + 1, size), position - index as f32)
     }
 
     /// The nearest texel, or the bilinear interpolation of the four around `uv`.

@@ -9,6 +9,7 @@ use super::environment::REGIONS;
 use super::tree_node::WIDE;
 use super::{ChosenLight, LightSample, Lights, Receiver};
 use crate::base::rng::Rng;
+use crate::simd::LANES;
 use glam::{UVec3, Vec3};
 
 /// Nodes of the tree whose children have factors.
@@ -333,12 +334,28 @@ impl Lights {
         self.visibility_slots().into_iter().filter(|&slot| usize::from(slot) < WIDE).collect()
     }
 
-    /// Chooses a light of a slot to test its visibility from a vertex; `None` if it cannot light the vertex.
-    pub fn visibility_test(&self, slot: u8, at: Receiver, rng: &mut Rng) -> Option<VisibilityTest> {
-        let (index, slots) = self.by_estimate.choose_in(slot, at, rng.next_f64())?;
-        let light = self.connect_chosen(ChosenLight { index, prob: 1.0, at }, rng)?;
-        let is_environment = index == self.emitters.len();
-        let region = is_environment.then(|| self.chosen_environment().region(light.wi));
-        Some(VisibilityTest { at, light, slots, region })
+    /// For each of at most [`LANES`] pairs of a slot and a vertex, chooses a light of the slot to test its visibility,
+    /// by a generator of its own. Adds the tests to `tests`; lights that cannot light the vertex need none.
+    pub fn add_visibility_tests(
+        &self,
+        places: &[(u8, Receiver)],
+        rngs: &mut [Rng],
+        tests: &mut Vec<VisibilityTest>,
+    ) {
+        let (mut chosen, mut slots) = ([None; LANES], [0; LANES]);
+        for (number, (&(slot, at), rng)) in places.iter().zip(rngs.iter_mut()).enumerate() {
+            if let Some((index, own)) = self.by_estimate.choose_in(slot, at, rng.next_f64()) {
+                chosen[number] = Some(ChosenLight { index, prob: 1.0, at });
+                slots[number] = own;
+            }
+        }
+        let mut samples = [None; LANES];
+        self.connect_each_chosen(&chosen[..places.len()], rngs, &mut samples[..places.len()]);
+        for (number, chosen) in chosen.iter().enumerate() {
+            let (Some(chosen), Some(light)) = (chosen, samples[number]) else { continue };
+            let is_environment = chosen.index == self.emitters.len();
+            let region = is_environment.then(|| self.chosen_environment().region(light.wi));
+            tests.push(VisibilityTest { at: chosen.at, light, slots: slots[number], region });
+        }
     }
 }
