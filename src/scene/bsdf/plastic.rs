@@ -237,16 +237,21 @@ impl CoatOverBase for Plastic {
         self.tint * fresnel::dielectric(cos, self.eta).0
     }
 
-    /// theory.md (31a), (97).
     fn eval_coat(&self, wo: Vec3, wi: Vec3) -> Rgb {
-        let m = (wo + wi).normalize();
-        let once = self.facets.d(m) * self.facets.g2(wo, wi) / (4.0 * wo.z * wi.z);
-        self.tint * (fresnel::dielectric(wo.dot(m), self.eta).0 * once)
+        self.coat(wo, wi).0
     }
 
     fn coat_pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
         let m = (wo + wi).normalize();
         self.facets.g1(wo) * self.facets.d(m) / (4.0 * wo.z)
+    }
+
+    /// theory.md (31a), (97).
+    fn coat(&self, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
+        let m = (wo + wi).normalize();
+        let d = self.facets.d(m) / (4.0 * wo.z);
+        let value = fresnel::dielectric(wo.dot(m), self.eta).0 * d * self.facets.g2(wo, wi) / wi.z;
+        (self.tint * value, self.facets.g1(wo) * d)
     }
 
     fn sample_coat(&self, wo: Vec3, rng: &mut Rng) -> Vec3 {

@@ -4,7 +4,7 @@ use super::{CameraPass, CameraPaths, Connections};
 use crate::accel::{HitPacket, Ray};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
-use crate::scene::bsdf::{Lobe, LobeSet, Transport, Vertex};
+use crate::scene::bsdf::{Lobe, LobeSet, LobeValue, Transport, Vertex};
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::{LightSample, Receiver, Scene, Surface};
 use crate::simd::{LANES, Vec3s, lanes_of};
@@ -197,11 +197,16 @@ impl CameraPaths {
             return;
         }
         let vertex = PathVertex { surface, at: &at, state };
-        let of = |lobe: Lobe, is_connected: bool| {
-            if is_connected { self.connection(scene, &vertex, lobe, &light) } else { Rgb::ZERO }
+        let [diffuse, rough] = surface.bsdf.lobes(&at, light.wi);
+        let of = |lobe: Lobe, values: &LobeValue, is_connected: bool| {
+            if is_connected && values.value != Rgb::ZERO {
+                self.connection(scene, &vertex, (lobe, values), &light)
+            } else {
+                Rgb::ZERO
+            }
         };
-        let (mut sum, rough) =
-            (of(Lobe::Diffuse, connected.diffuse), of(Lobe::Rough, connected.rough));
+        let mut sum = of(Lobe::Diffuse, &diffuse, connected.diffuse);
+        let rough = of(Lobe::Rough, &rough, connected.rough);
         let start = surface.start(light.wi);
         let media = state.history.leaving(scene, surface, light.wi).media();
         let path = Connections::path_in(state.path, media);
@@ -214,23 +219,19 @@ impl CameraPaths {
         self.queue_shadow_ray(path, sum, light.target, start);
     }
 
-    /// The contribution of the lobes of one class that are connected with a light source, if nothing blocks it.
+    /// The contribution of lobes of one class that are connected with a light source, if nothing blocks it.
     /// theory.md (42), third and fourth line
     fn connection(
         &self,
         scene: &Scene,
         vertex: &PathVertex,
-        lobe: Lobe,
+        (lobe, values): (Lobe, &LobeValue),
         light: &LightSample,
     ) -> Rgb {
-        let PathVertex { surface, at, state } = *vertex;
-        let value = surface.bsdf.eval_lobe(lobe, at, light.wi);
-        if value == Rgb::ZERO {
-            return Rgb::ZERO;
-        }
+        let PathVertex { at, state, .. } = *vertex;
         let cos_theta = light.wi.dot(at.normal).abs();
-        let contribution = state.weight * value * light.irradiance * cos_theta;
-        contribution * self.connection_weight(scene.lights(), vertex, lobe, light)
+        let contribution = state.weight * values.value * light.irradiance * cos_theta;
+        contribution * self.connection_weight(scene.lights(), vertex, (lobe, values), light)
     }
 
     /// Stores a gather point with the BSDF in one of `views`.
