@@ -66,7 +66,7 @@ impl InsetGrid {
 }
 
 /// Regions of a map across and down: equal intervals of the numbers that sample it, hence of equal power.
-const REGIONS_ACROSS: usize = 8;
+pub(super) const REGIONS_ACROSS: usize = 16;
 
 /// Number of regions of a map.
 pub(super) const REGIONS: usize = REGIONS_ACROSS * REGIONS_ACROSS;

@@ -11,6 +11,7 @@ pub mod guide;
 pub mod intensity;
 pub mod luminaire;
 pub(crate) mod packets;
+mod regions;
 mod solid_angle;
 mod tree_build;
 pub(crate) mod textured_emitter;
