@@ -6,7 +6,7 @@ use super::mis::Mis;
 use super::mis::photons::LightPartials;
 use super::mis::weights::PhotonPartials;
 use super::path_queue::PathQueue;
-use super::path_state::{History, PathState, PathStates, at_other_surface};
+use super::path_state::{History, PathState, PathStates, other_surface};
 use super::photon::{Arrival, Extent, Photon, PhotonClass, PhotonPacket, pack_wavelength};
 use crate::accel::{Coherence, HitPacket, Intersect, Ray};
 use crate::base::math::{Rgb, pack_direction};
@@ -322,14 +322,15 @@ impl Tracer {
                 });
             }
             let rest = scene.lambertian(simd, &states.direction, hits, count, &mut seen, &mut at);
+            if rest.others != 0 {
+                scene.read_ahead(hits, rest.others);
+            }
             for lane in lanes_of(rest.others) {
-                let (ray, state) = states.get(lane);
-                let origin = ray.origin;
-                let scatter = |surface: &Surface, state: PathState| {
-                    self.scatter_other(pass, surface, origin, state)
-                };
-                if let Some((ray, state)) =
-                    at_other_surface(scene, &ray, &hits.get(lane), &mut at, lane, state, scatter)
+                let (ray, mut state) = states.get(lane);
+                let hit = hits.get(lane);
+                if let Some(surface) = other_surface(scene, &ray, &hit, &mut at, lane, &mut state)
+                    && let Some((ray, state)) =
+                        self.scatter_other(pass, &surface, ray.origin, state)
                 {
                     self.next.push_state(&ray, &state);
                 }

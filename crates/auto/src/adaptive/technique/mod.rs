@@ -32,7 +32,7 @@ use bdpm_core::transport::photon::PhotonClass;
 use serde::{Deserialize, Serialize};
 
 /// Share of the given time that the pilot takes.
-const PILOT_SHARE: f64 = 0.1;
+const PILOT_SHARE: f64 = 0.07;
 
 /// Share of the given time that the pilot of a large image takes, whose own iterations soon measure
 /// more.
