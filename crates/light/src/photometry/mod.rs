@@ -9,7 +9,7 @@ mod opening;
 mod planes;
 mod write;
 
-use super::load::extension;
+use super::read::extension;
 use super::text::read_bytes;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::scene::IntensityDistribution;
