@@ -6,7 +6,7 @@
 use bdpm::Scene;
 use bdpm::base::math::uniform_sphere;
 use bdpm::base::rng::{Stream, StreamKey};
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::scene::{Environment, Receiver};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec3;

@@ -11,7 +11,7 @@
 mod home;
 
 use bdpm::accel::Intersect;
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::provenance::Provenance;

@@ -18,7 +18,7 @@ mod denoised;
 use bdpm::base::error::{Error, Result};
 use bdpm::base::math::{Rgb, luminance};
 use bdpm::image_io::{Layer, read_exr};
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::noise::Measure;
 use bdpm::output::checkpoint::Checkpoint;
 use bdpm::output::denoise::{Oidn, importance};

@@ -11,7 +11,7 @@
 //! memory.
 
 use bdpm::accel::Intersect;
-use bdpm::import::{Loaded, load};
+use bdpm::load::{Loaded, load};
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::scene::bsdf::Bsdf;

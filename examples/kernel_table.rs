@@ -8,7 +8,7 @@
 #[path = "../tests/common/true_bias.rs"]
 mod true_bias;
 
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::Kernel;
 use std::path::Path;

@@ -5,7 +5,7 @@
 //! cargo run --release --example load_table
 //! ```
 
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::scene::backend::{Backend, build};
 use serde_json::json;
 use std::fmt::Write as _;

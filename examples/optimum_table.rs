@@ -18,7 +18,7 @@ use bdpm::adaptive::stopping::Stop;
 use bdpm::adaptive::technique::{self, End, FreeParameters};
 use bdpm::film::counts::{CameraCounts, Counts};
 use bdpm::film::radiance::box_filter;
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::noise::{Coefficients, Measure};
 use bdpm::render::block;
 use bdpm::scene::backend::{Backend, build};

@@ -11,8 +11,6 @@ pub use bdpm_core::{
 pub use bdpm_core::{simd, transport};
 #[doc(inline)]
 pub use bdpm_import as import;
-#[doc(inline)]
-pub use bdpm_import::load;
 #[doc(hidden)] // public for the program
 pub use bdpm_job::mpi;
 #[doc(inline)]
@@ -21,6 +19,10 @@ pub use bdpm_job::{
 };
 #[doc(inline)]
 pub use bdpm_light as light;
+#[doc(inline)]
+pub use bdpm_load as load;
+#[doc(inline)]
+pub use bdpm_load::load;
 #[cfg(feature = "cli")]
 #[doc(hidden)] // public for the program
 pub use bdpm_paper as paper;

@@ -5,7 +5,7 @@
 mod shapes;
 
 use bdpm::base::math::Rgb;
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::scene::bsdf::Bsdf;
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
 use bdpm::settings::{Length, PartialSettings};

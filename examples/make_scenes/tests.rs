@@ -4,7 +4,7 @@ use super::mesh::{Corner, Mesh};
 use super::random::Random;
 use super::{folders, obj, profile, scenes, shapes};
 use bdpm::accel::{Intersect, Ray};
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::scene::Scene;
 use bdpm::scene::backend;
 use glam::{DVec3, Vec3, dvec2, dvec3};

@@ -6,7 +6,7 @@ use bdpm::adaptive::error_interval::ErrorInterval;
 use bdpm::adaptive::stopping::{importance, without_noise};
 use bdpm::adaptive::technique::{Candidate, FreeParameters, Technique};
 use bdpm::film::radiance::{luminance, luminance_weights};
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::render::block;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::PartialSettings;

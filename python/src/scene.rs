@@ -3,9 +3,8 @@
 use crate::arrays::{rows, triangles};
 use crate::error::raised;
 use crate::tables;
-use bdpm::import::{
-    CameraChange, EnvironmentSource, LoadOptions, Loaded, LookAt, NamedMesh, load_meshes, load_with,
-};
+use bdpm::import::EnvironmentSource;
+use bdpm::load::{CameraChange, LoadOptions, Loaded, LookAt, NamedMesh, load_meshes, load_with};
 use bytemuck::allocation::cast_vec;
 use glam::{Vec2, Vec3};
 use pyo3::exceptions::PyTypeError;

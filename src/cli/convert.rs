@@ -2,8 +2,9 @@
 
 use super::{CameraArgs, LightArgs, json, print_notes};
 use bdpm::base::error::Result;
-use bdpm::import::counted;
-use bdpm::import::{LoadOptions, SceneSummary, Warning, export, load, load_with};
+use bdpm::import::Warning;
+use bdpm::load::counted;
+use bdpm::load::{LoadOptions, SceneSummary, export, load, load_with};
 use serde::Serialize;
 use std::path::PathBuf;
 

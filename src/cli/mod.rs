@@ -42,9 +42,8 @@ mod verbose;
 mod view;
 
 use bdpm::base::error::{Error, Result, visible};
-use bdpm::import::{
-    CameraChange, EnvironmentSource, LoadOptions, Loaded, LookAt, Warning, load_with,
-};
+use bdpm::import::{EnvironmentSource, Warning};
+use bdpm::load::{CameraChange, LoadOptions, Loaded, LookAt, load_with};
 use bdpm::scene::backend::Backend;
 use clap::{Args, CommandFactory, FromArgMatches};
 use option_groups::with_groups;

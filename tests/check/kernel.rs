@@ -2,7 +2,7 @@
 //! `examples/kernel_table.rs`.
 
 use crate::common::true_bias::{Biases, TINY, biases, reference, settings};
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::Kernel;
 use std::path::Path;

@@ -3,7 +3,7 @@
 use bdpm::adaptive::autopilot::Autopilot;
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::stopping::Stop;
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::noise::Measure;
 use bdpm::timing::TimeModel;
 use bdpm::{Renderer, Scene, Settings};

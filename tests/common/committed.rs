@@ -1,6 +1,6 @@
 //! The scenes of this project, small.
 
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::scene::Arrangement;
 use bdpm::settings::PartialSettings;
 use bdpm::{Scene, Settings};

@@ -3,7 +3,7 @@
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use bdpm::Renderer;
-use bdpm::import::{Loaded, load};
+use bdpm::load::{Loaded, load};
 use bdpm::noise::Measure;
 use bdpm::scene::Scene;
 use bdpm::scene::backend::{Backend, build};

@@ -1,6 +1,6 @@
 //! Files that were tampered with: random changes of bytes, and what must hold after loading.
 
-use bdpm::import::{Loaded, load};
+use bdpm::load::{Loaded, load};
 use bdpm::scene::Mesh;
 use bdpm::settings::{PartialSettings, Settings};
 use proptest::prelude::*;

@@ -1,6 +1,6 @@
 //! Whatever is wrong with a scene, the error names the file, the line and what to do.
 
-use bdpm::import::{Loaded, load};
+use bdpm::load::{Loaded, load};
 use std::path::PathBuf;
 use tempfile::TempDir;
 
@@ -426,7 +426,7 @@ fn impossible_transforms_and_unknown_materials_are_refused() {
     let with = |line: &str| changed("\"a.obj\"", &format!("\"a.obj\"\n{line}"));
     with("scale = 0").refused(&["s.toml:6: the transform flattens the mesh"]);
     with("translate = 5").refused(&["s.toml:6: `translate` is a single number"]);
-    with("scale = 1e30").refused(&["s.toml:6: the transform moves the mesh out of the range"]);
+    with("scale = 1e30").refused(&["s.toml:6: its transform moves it out of the range"]);
     let matrix = "matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]";
     for (from, to, count) in [("0,1]]", "0,1,0]]", 5), ("],[0,0,0,1]", "]", 3)] {
         let problem = format!("s.toml:8: the list has {count} entries");

@@ -1,6 +1,6 @@
 //! Changes of the camera that the command line requests, for all kinds of scenes.
 
-use bdpm::import::{CameraChange, LoadOptions, Loaded, load_with};
+use bdpm::load::{CameraChange, LoadOptions, Loaded, load_with};
 use bdpm::scene::{FieldOfView, Optics};
 use glam::Vec3;
 use std::path::{Path, PathBuf};

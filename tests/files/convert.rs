@@ -3,7 +3,7 @@
 use crate::common::gltf::*;
 use crate::common::program_output::{assert_refused, json, text};
 use bdpm::image_io::{Image, Layer, Metadata, write_exr};
-use bdpm::import::{Loaded, export, load};
+use bdpm::load::{Loaded, export, load};
 use bdpm::scene::{FieldOfView, Material, Optics};
 use glam::Vec3;
 use serde_json::json;

@@ -2,7 +2,7 @@
 //! deleted, doubled or replaced. `PROPTEST_CASES=100000` tries far more.
 
 use crate::common::mutate::{apply, change, load_soundly};
-use bdpm::import::load;
+use bdpm::load::load;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use std::path::Path;

@@ -4,7 +4,7 @@
 
 use crate::common::mutate::{apply, change, load_and_check};
 use bdpm::image_io::{Image, Layer, write_exr};
-use bdpm::import::load;
+use bdpm::load::load;
 use glam::Vec3;
 use proptest::collection::vec;
 use proptest::prelude::*;

@@ -3,7 +3,7 @@
 //! far more.
 
 use crate::common::mutate::{TOKENS, apply, change, load_and_check};
-use bdpm::import::load;
+use bdpm::load::load;
 use proptest::collection::vec;
 use proptest::prelude::*;
 

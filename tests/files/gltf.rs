@@ -3,7 +3,8 @@
 //! `gltf_looks.rs`.
 
 use crate::common::gltf::*;
-use bdpm::import::{LoadOptions, Loaded, WarningKind, load, load_with};
+use bdpm::import::WarningKind;
+use bdpm::load::{LoadOptions, Loaded, load, load_with};
 use bdpm::scene::Scene;
 use glam::{Vec2, Vec3};
 use serde_json::{Value, json};

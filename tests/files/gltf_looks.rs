@@ -1,7 +1,8 @@
 //! glTF: what materials, lights and cameras become.
 
 use crate::common::gltf::*;
-use bdpm::import::{LoadOptions, WarningKind, load_with};
+use bdpm::import::WarningKind;
+use bdpm::load::{LoadOptions, load_with};
 use bdpm::scene::bsdf::{Bsdf, Dielectric, Glossy, RoughDielectric, ThinDielectric};
 use bdpm::scene::{
     Emitter, Extent, FieldOfView, Material, Optics, RefractiveIndex, Sampling, Wrap,

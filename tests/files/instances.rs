@@ -1,6 +1,6 @@
 //! Meshes in binary PLY files at many places, as other programs write them for this one.
 
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::scene::Scene;
 use glam::{Vec2, Vec3};
 use std::fs;

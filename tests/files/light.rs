@@ -3,7 +3,8 @@
 use crate::common::gltf::*;
 use crate::common::program_output::{json as output, succeed};
 use bdpm::image_io::{Image, Layer, write_exr};
-use bdpm::import::{EnvironmentSource, LoadOptions, WarningKind, load, load_with};
+use bdpm::import::{EnvironmentSource, WarningKind};
+use bdpm::load::{LoadOptions, load, load_with};
 use bdpm::scene::Emitter;
 use glam::Vec3;
 use serde_json::{Value, json};

@@ -2,10 +2,10 @@
 
 use crate::common::gltf::{files, square};
 use bdpm::base::math::luminance;
-use bdpm::import::load;
 use bdpm::light::photometry::{
     LuminaireDescription, LuminaireFile, OpeningShape, write_eulumdat, write_lm63,
 };
+use bdpm::load::load;
 use bdpm::scene::{Emitter, IntensityDistribution, Photometry};
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
@@ -215,7 +215,7 @@ fn errors_name_file_and_line() {
 }
 
 /// A scene of a floor and this light.
-fn scene(light: &str) -> bdpm::Result<bdpm::import::Loaded> {
+fn scene(light: &str) -> bdpm::Result<bdpm::load::Loaded> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(
         folder.path().join("floor.obj"),

@@ -1,7 +1,7 @@
 //! Media of scene files: what they become, and what is wrong with them.
 
 use bdpm::Scene;
-use bdpm::import::load;
+use bdpm::load::load;
 use glam::Vec3;
 use std::sync::Arc;
 use tempfile::TempDir;

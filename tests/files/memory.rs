@@ -1,6 +1,7 @@
 //! Scenes from meshes in memory.
 
-use bdpm::import::{LoadOptions, NamedMesh, load, load_meshes, render_settings};
+use bdpm::import::render_settings;
+use bdpm::load::{LoadOptions, NamedMesh, load, load_meshes};
 use bdpm::scene::Mesh;
 use bdpm::settings::Length;
 use glam::Vec3;
@@ -31,7 +32,7 @@ fn square() -> Mesh {
     }
 }
 
-fn build(mesh: Mesh, material: &str, text: &str) -> bdpm::Result<bdpm::import::Loaded> {
+fn build(mesh: Mesh, material: &str, text: &str) -> bdpm::Result<bdpm::load::Loaded> {
     let mesh = NamedMesh { mesh: Arc::new(mesh), material: material.into() };
     load_meshes(Path::new("folder/name"), text, &[mesh], &LoadOptions::default())
 }

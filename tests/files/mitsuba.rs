@@ -1,6 +1,7 @@
 //! Mitsuba's scenes: conversion of elements, and errors with their position.
 
-use bdpm::import::{LoadOptions, Loaded, WarningKind, export, load, load_with};
+use bdpm::import::WarningKind;
+use bdpm::load::{LoadOptions, Loaded, export, load, load_with};
 use bdpm::scene::bsdf::{Bsdf, FacetModel, Principled, PrincipledParameters};
 use bdpm::scene::{Emitter, Extent, FieldOfView, Optics, RefractiveIndex};
 use glam::Vec3;

@@ -1,7 +1,8 @@
 //! Textures and records of MTL files as programs write them.
 
 use crate::common::gltf::*;
-use bdpm::import::{Loaded, WarningKind};
+use bdpm::import::WarningKind;
+use bdpm::load::Loaded;
 use bdpm::scene::{Material, Wrap};
 use glam::{Vec2, Vec3};
 use std::io::Cursor;
@@ -55,7 +56,7 @@ fn options_that_are_ignored_are_reported() {
     let text = loaded.warnings_text();
     for part in [
         "ignored some options of textures: `map_Kd -mm of m`",
-        "used one map of texture coordinates for all textures of `m`",
+        "used the texture coordinates of the first texture for all of `m`",
         "ignored some textures (of another use) of `m`",
         "ignored the records `Ps`, `aniso`",
     ] {

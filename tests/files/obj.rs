@@ -2,7 +2,7 @@
 
 use crate::common::{area, settings};
 use bdpm::accel::{Intersect, Ray};
-use bdpm::import::{Loaded, load};
+use bdpm::load::{Loaded, load};
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::scene::{Mesh, Scene};

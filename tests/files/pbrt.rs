@@ -1,6 +1,7 @@
 //! Scenes of pbrt-v4: geometry, materials, lights and cameras of known values, and errors.
 
-use bdpm::import::{Loaded, WarningKind, load};
+use bdpm::import::WarningKind;
+use bdpm::load::{Loaded, load};
 use bdpm::scene::bsdf::Bsdf;
 use bdpm::scene::{Emitter, Extent, FieldOfView, Optics, RefractiveIndex};
 use glam::{Vec2, Vec3};

@@ -1,6 +1,6 @@
 //! PLY files as programs write them: colors, numbers, line ends, and attributes of faces.
 
-use bdpm::import::{LoadOptions, Loaded, load_with};
+use bdpm::load::{LoadOptions, Loaded, load_with};
 use glam::{Vec2, Vec3};
 use std::fs;
 

@@ -1,7 +1,7 @@
 //! Colors of vertices, instances, morph targets and skins.
 
 use crate::common::gltf::*;
-use bdpm::import::{export, load};
+use bdpm::load::{export, load};
 use bdpm::scene::bsdf::{Bsdf, Glossy};
 use glam::Vec3;
 use serde_json::json;

@@ -1,7 +1,7 @@
 //! `[sky]`, insets of environments and `ray_offset` of scene files, and skies of Mitsuba.
 
 use bdpm::base::math::luminance;
-use bdpm::import::{Loaded, export, load};
+use bdpm::load::{Loaded, export, load};
 use glam::Vec3;
 use tempfile::TempDir;
 

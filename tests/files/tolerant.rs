@@ -1,7 +1,8 @@
 //! Files with small errors that other programs open load here as well, with a warning.
 
 use crate::common::gltf::*;
-use bdpm::import::{Loaded, WarningKind};
+use bdpm::import::WarningKind;
+use bdpm::load::Loaded;
 use bdpm::scene::Material;
 use glam::{Vec2, Vec3};
 use serde_json::json;
@@ -170,7 +171,7 @@ fn names_that_are_not_utf8_are_found() {
     std::fs::write(at(b"a\xe9.mtl"), mtl).unwrap();
     std::fs::write(at(b"p\xe9.png"), picture(image::ImageFormat::Png)).unwrap();
     std::fs::write(at(b"a.obj"), obj.concat()).unwrap();
-    let loaded = bdpm::import::load(at(b"a.obj")).unwrap();
+    let loaded = bdpm::load::load(at(b"a.obj")).unwrap();
     let materials = loaded.scene.materials();
     let names: Vec<&str> = materials.iter().map(|material| &material.name[..]).collect();
     assert_eq!(names, ["m\u{e9}", "m\u{e8}"], "{}", loaded.warnings_text());

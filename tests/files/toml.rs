@@ -1,7 +1,7 @@
 //! The shipped scenes, the documented example and the OBJ features are what they are said to be.
 
 use bdpm::accel::Ray;
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::scene::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Plastic, Principled,
@@ -496,7 +496,7 @@ fn obj_files_get_a_camera_and_light() {
     assert!((sphere / distance - 20_f32.to_radians().sin()).abs() < 1e-3);
     assert!(camera.direction().dot(center - camera.position()) > 0.9999 * distance);
     assert!(camera.direction().z < 0.0 && camera.direction().y < 0.0);
-    // A white surface that faces up has radiance 1 in it: see `import::environment`.
+    // A white surface that faces up has radiance 1 in it: see `load::default_light`.
     let light = scene.lights();
     assert!(light.emitters().is_empty());
     assert!(

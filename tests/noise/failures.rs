@@ -3,8 +3,8 @@
 use crate::common::thread_ranks::Mail;
 use bdpm::adaptive::stopping::StoppedBy;
 use bdpm::base::error::{Error, Result};
-use bdpm::import::Loaded;
 use bdpm::job::{PlantedFailure, Step};
+use bdpm::load::Loaded;
 use bdpm::settings::PartialSettings;
 use bdpm::{Event, RenderJob, RenderResult, Stop};
 use std::ops::ControlFlow;

@@ -2,7 +2,7 @@
 
 use bdpm::Renderer;
 use bdpm::accel::Intersect;
-use bdpm::import::{Loaded, load};
+use bdpm::load::{Loaded, load};
 use bdpm::noise::Measure;
 use bdpm::noise::image::NoiseImage;
 use bdpm::noise::region;

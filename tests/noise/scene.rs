@@ -2,7 +2,7 @@
 
 use crate::common::*;
 use bdpm::film::radiance::luminance;
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::noise::Measure;
 use bdpm::noise::bias::MergeBias;
 use bdpm::noise::image::{NoiseImage, Statistic, mean};

@@ -6,7 +6,7 @@ use super::{Picture, loaded};
 use crate::common::*;
 use crate::make_scenes::lens::{self, DOUBLE_GAUSS, Surface};
 use bdpm::Settings;
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::scene::bsdf::{Bsdf, Dielectric};
 use bdpm::scene::{Camera, FieldOfView, Material, Mesh, Optics};
 use glam::{DVec2, DVec3, Vec3, dvec2, dvec3};

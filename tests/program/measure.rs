@@ -2,7 +2,7 @@
 
 use crate::common::program_output::{assert_refused, json, succeed};
 use crate::common::{camera, gray, scene, square};
-use bdpm::import::Loaded;
+use bdpm::load::Loaded;
 use bdpm::scene::backend::Backend;
 use bdpm::scene::{Meter, MeterKind, MeterSet};
 use bdpm::{MeasureJob, Measurement};

@@ -3,7 +3,7 @@
 
 use crate::common::mean_luminance;
 use bdpm::base::math::luminance;
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::Direct;

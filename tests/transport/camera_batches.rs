@@ -2,7 +2,7 @@
 #![cfg(feature = "embree")]
 
 use bdpm::base::rng::{Stream, StreamKey};
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
 use bdpm::transport::gather::GatherPoint;

@@ -1,7 +1,7 @@
 //! A window of an image has the mean of the same pixels of the full image.
 
 use bdpm::base::math::luminance;
-use bdpm::import::Loaded;
+use bdpm::load::Loaded;
 use bdpm::scene::{Camera, FieldOfView, Optics};
 use bdpm::settings::{PartialSettings, Settings};
 use bdpm::{RenderJob, Stop, load};

@@ -4,7 +4,7 @@ use crate::common::shapes::Random;
 use crate::common::*;
 use bdpm::accel::{Intersect, Ray};
 use bdpm::base::math::luminance;
-use bdpm::import::load;
+use bdpm::load::load;
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::scene::bsdf::{Bsdf, Glossy};

@@ -161,7 +161,7 @@ fn environments_come_from_exr_and_hdr_files() {
              \"a.obj\"\n\n[environment]\n{environment}\n"
         );
         std::fs::write(at("s.toml"), text).unwrap();
-        bdpm::import::load(at("s.toml"))
+        bdpm::load::load(at("s.toml"))
     };
     for file in ["map.exr", "map.hdr"] {
         let scene = load(&format!("file = \"{file}\"\nradiance = 3")).unwrap().scene;

@@ -1,30 +1,78 @@
-//! A scene under construction while files are read.
+//! A scene under construction while a file is read.
 
-use super::camera_change::CameraChange;
-use super::default_camera;
-use super::fallback;
+use super::environment::EnvironmentSource;
 use super::growth::Growth;
-use super::instancing::{MaterialMesh, MeshGroups};
-use super::load::{Loaded, scene_name};
-use super::mtl;
-use super::obj::{ObjFile, ObjMesh};
-use super::summary::SceneSummary;
+use super::shape::instancing::{MaterialMesh, MeshGroups};
 use super::text::{check_memory, list};
-use super::warnings::Warning;
+use super::warnings::{Warning, replaced_environment};
+use super::whole_view;
 use bdpm_core::base::error::{Error, Result};
-use bdpm_core::base::math::{Bounds, Rgb};
 use bdpm_core::base::memory::available_memory;
 use bdpm_core::scene::transform::Transform;
 use bdpm_core::scene::{
-    Arrangement, Camera, Emitter, Environment, Material, Medium, MediumBoundary, Mesh, MeterSet,
-    Region, Scene,
+    Arrangement, Camera, Emitter, Environment, Material, Medium, MediumBoundary, MeterSet, Region,
+    Scene,
 };
 use bdpm_core::settings::PartialSettings;
-use glam::{Affine2, Vec2};
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use glam::DAffine3;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+/// A scene as its file describes it: without a default light, and with a camera that sees
+/// everything if the file has none.
+pub struct Imported {
+    /// The file. For a folder, the scene file in it.
+    pub file: PathBuf,
+    /// The scene.
+    pub scene: Scene,
+    /// Whether the file has the camera of the scene.
+    pub has_camera: bool,
+    /// Whether files of this format often have no usable light source.
+    pub may_lack_light: bool,
+    /// Settings of the file.
+    pub defaults: PartialSettings,
+    /// Meters of the file.
+    pub meters: Vec<MeterSet>,
+    /// Omissions and choices.
+    pub warnings: Vec<Warning>,
+    /// Names of lights and cameras in the file.
+    pub names: FileNames,
+    /// Time of building triangles and lights, a part of the time of reading.
+    pub assembly: Duration,
+}
+
+/// Names in a file that the scene does not have.
+#[derive(Clone, Debug, Default)]
+pub struct FileNames {
+    /// Names of the lights, if the format has names for them.
+    pub lights: Vec<String>,
+    /// Names of all cameras to choose from.
+    pub cameras: Vec<String>,
+    /// Name of the chosen camera.
+    pub camera: Option<String>,
+}
+
+/// Reads an environment, unless the user requests another. Warnings report corrected pixels.
+pub type EnvironmentReader<'a> = Box<dyn FnOnce(&mut Vec<Warning>) -> Result<Environment> + 'a>;
+
+/// Contents of a file besides its meshes and materials.
+#[derive(Default)]
+pub struct Contents<'a> {
+    pub lights: Vec<Emitter>,
+    pub camera: Option<Camera>,
+    pub environment: Option<EnvironmentReader<'a>>,
+    pub defaults: PartialSettings,
+    pub regions: Vec<Region>,
+    pub meters: Vec<MeterSet>,
+    /// Distance off surfaces at which rays start, scene units, if it is given.
+    pub ray_offset: Option<f32>,
+    /// Medium between all objects.
+    pub filling_medium: Option<Arc<Medium>>,
+    pub names: FileNames,
+    pub may_lack_light: bool,
+}
 
 /// Minimum memory of a triangle while a scene is read, bytes: its corners, a cache line for
 /// shading, and its entry in the acceleration structure.
@@ -37,48 +85,16 @@ const PLACEMENT_BYTES: u64 = 800;
 /// Triangles of this many bytes are checked at once.
 const CHECKED_BYTES: f64 = 1e6;
 
-/// Address of a mesh, and bits of a map of texture coordinates.
-type MappedKey = (*const Mesh, [u32; 6]);
-
-/// Meshes, materials and warnings of a scene under construction.
+/// Meshes, materials and warnings of a scene under construction. Errors name no file.
 #[derive(Default)]
-pub(super) struct Builder {
+pub struct Builder {
     groups: MeshGroups,
-    arrangement: Arrangement,
     pub materials: Vec<Material>,
-    /// Index in `materials` by the OBJ file of the material (`None` for the scene file) and its
-    /// name.
-    material_index: HashMap<(Option<PathBuf>, String), u32>,
-    /// Names of materials that the OBJ file uses without defining them.
-    undefined: BTreeSet<String>,
-    /// Whether meshes of the OBJ file have no material.
-    unnamed: bool,
     /// Names of textured materials on meshes without texture coordinates.
     untextured: BTreeSet<String>,
-    /// Meshes whose texture coordinates a material maps, by the address of the original, which
-    /// stays alive beside its copy, and the bits of the map.
-    mapped: HashMap<MappedKey, [Arc<Mesh>; 2]>,
     triangles: u64,
     growth: Growth,
     pub warnings: Vec<Warning>,
-}
-
-/// Contents of a file besides its meshes, materials, lights and camera.
-#[derive(Default)]
-pub(super) struct SceneExtras<'a> {
-    pub regions: Vec<Region>,
-    pub environment: Option<Environment>,
-    pub defaults: PartialSettings,
-    /// Whether a scene without a usable light source gets a default one.
-    pub default_light: bool,
-    /// Distance off surfaces at which rays start, scene units, if it is given.
-    pub ray_offset: Option<f32>,
-    /// Medium between all objects.
-    pub filling_medium: Option<Arc<Medium>>,
-    /// Meters of the scene.
-    pub meters: Vec<MeterSet>,
-    /// Changes of the camera.
-    pub camera: CameraChange<'a>,
 }
 
 impl Builder {
@@ -87,89 +103,10 @@ impl Builder {
         Self { warnings, ..Self::default() }
     }
 
-    /// Index of a material, which is added to the scene with its first use. It is from the scene
-    /// file, else from the libraries of the OBJ file, else gray.
-    fn material(
-        &mut self,
-        name: Option<&str>,
-        own: &BTreeMap<String, Material>,
-        path: &Path,
-        obj: &ObjFile,
-    ) -> u32 {
-        let is_named = name.is_some();
-        let name = name.unwrap_or("default");
-        let own = own.get(name);
-        let file = own.is_none().then(|| path.to_owned());
-        *self.material_index.entry((file, name.to_owned())).or_insert_with(|| {
-            let material = match (own, obj.materials.get(name)) {
-                (Some(material), _) => material.clone(),
-                (None, Some(library)) => library.material.clone(),
-                (None, None) => {
-                    if is_named {
-                        self.undefined.insert(name.to_owned());
-                    }
-                    self.unnamed |= !is_named;
-                    mtl::grey(name)
-                }
-            };
-            self.materials.push(material);
-            self.materials.len() as u32 - 1
-        })
-    }
-
-    /// The mesh with the texture coordinates of the pictures of its material.
-    fn mapped(
-        &mut self,
-        mesh: &Arc<Mesh>,
-        name: Option<&str>,
-        own: &BTreeMap<String, Material>,
-        obj: &ObjFile,
-    ) -> Arc<Mesh> {
-        let library = name.filter(|name| !own.contains_key(*name));
-        let to_uv = library.and_then(|name| obj.materials.get(name)).map(|own| own.to_uv);
-        let Some(to_uv) = to_uv.filter(|map| *map != Affine2::IDENTITY) else {
-            return Arc::clone(mesh);
-        };
-        // All placements of a mesh share one copy.
-        let key = (Arc::as_ptr(mesh), to_uv.to_cols_array().map(f32::to_bits));
-        let [_, copy] = self.mapped.entry(key).or_insert_with(|| {
-            let mut copy = Mesh::clone(mesh);
-            for uv in &mut copy.uvs {
-                let mapped = to_uv.transform_point2(*uv);
-                *uv = if mapped.is_finite() { mapped } else { Vec2::ZERO };
-            }
-            [Arc::clone(mesh), Arc::new(copy)]
-        });
-        Arc::clone(copy)
-    }
-
-    /// Adds an OBJ file's meshes; `None` if a point moves out of range.
-    pub fn add(
-        &mut self,
-        path: &Path,
-        obj: &ObjFile,
-        transform: &Transform,
-        material: Option<&str>,
-        own: &BTreeMap<String, Material>,
-    ) -> Option<()> {
-        let part = |ObjMesh { mesh, material: named }: &ObjMesh| {
-            let name = material.or(named.as_deref());
-            let mesh = self.mapped(mesh, name, own, obj);
-            MaterialMesh { mesh, material: self.material(name, own, path, obj) }
-        };
-        let parts: Vec<MaterialMesh> = obj.meshes.iter().map(part).collect();
-        self.place(None, &parts, transform)?;
-        let gray = format!("used gray of albedo {}", mtl::DEFAULT_ALBEDO);
-        let path = path.display();
-        if !self.undefined.is_empty() {
-            let names = list(self.undefined.iter().map(String::as_str));
-            self.warnings.push(Warning::skipped(format!("{path}: {names} undefined; {gray}")));
-            self.undefined.clear();
-        }
-        if std::mem::take(&mut self.unnamed) {
-            self.warnings.push(Warning::chosen(format!("{path}: faces without material; {gray}")));
-        }
-        Some(())
+    /// Adds a material, and returns its index.
+    pub fn add_material(&mut self, material: Material) -> u32 {
+        self.materials.push(material);
+        self.materials.len() as u32 - 1
     }
 
     /// Whether no mesh was placed.
@@ -194,77 +131,49 @@ impl Builder {
         self.groups.add(name, parts, transform)
     }
 
+    /// Counts and places a group of meshes, which get the name `name`.
+    ///
+    /// # Errors
+    /// If there are too many triangles, the map has no inverse, or a point moves out of range.
+    pub fn place_by(
+        &mut self,
+        name: &str,
+        parts: &[MaterialMesh],
+        map: DAffine3,
+        is_flipped: bool,
+    ) -> Result<()> {
+        self.count(parts.iter().map(|part| part.mesh.triangles.len() as u64).sum(), 0)?;
+        self.count_placements(parts.len() as u64)?;
+        let transform = Transform::new(map)?.flipped(is_flipped);
+        self.place(Some(name), parts, &transform).ok_or_else(out_of_range)
+    }
+
     /// Counts `placed` triangles. Refuses more than can be numbered, or `new` ones that do not fit
     /// in memory, before they are read.
-    pub fn count(&mut self, placed: u64, new: u64, path: &Path) -> Result<()> {
+    pub fn count(&mut self, placed: u64, new: u64) -> Result<()> {
         self.triangles = self.triangles.saturating_add(placed);
         if self.triangles > u64::from(u32::MAX) {
             let problem = format!("the scene has more than {} triangles", u32::MAX);
-            return Err(Error::new(problem, SIMPLIFY).at(path));
+            return Err(Error::new(problem, SIMPLIFY));
         }
         let bytes = new as f64 * TRIANGLE_BYTES;
         // Small parts are checked by their sum.
         if bytes >= CHECKED_BYTES {
-            require_memory(new, path)?;
+            require_memory(new)?;
         }
-        self.grow(bytes as u64, path)
+        self.grow(bytes as u64)
     }
 
     /// Counts `count` placements of meshes, before they exist. Refuses more than fit in memory.
-    pub fn count_placements(&mut self, count: u64, path: &Path) -> Result<()> {
-        self.grow(count.saturating_mul(PLACEMENT_BYTES), path)
+    pub fn count_placements(&mut self, count: u64) -> Result<()> {
+        self.grow(count.saturating_mul(PLACEMENT_BYTES))
     }
 
-    fn grow(&mut self, bytes: u64, path: &Path) -> Result<()> {
+    fn grow(&mut self, bytes: u64) -> Result<()> {
         self.growth.add(bytes).map_err(|problem| {
             let problem = format!("the meshes of the scene and their placements take {problem}");
-            Error::new(problem, SIMPLIFY).at(path)
+            Error::new(problem, SIMPLIFY)
         })
-    }
-
-    /// The box around all triangles.
-    pub fn bounds(&self) -> Bounds {
-        self.arrangement.bounds()
-    }
-
-    /// Arranges all meshes. Refuses a scene without triangles.
-    pub fn arrange(&mut self, path: &Path) -> Result<()> {
-        let groups = std::mem::take(&mut self.groups);
-        require_memory(groups.stored(), path)?;
-        let dropped;
-        (self.arrangement, dropped) = groups.arrange();
-        if self.arrangement.placements.is_empty() {
-            let problem = match dropped {
-                0 => "the scene has no triangle".to_owned(),
-                count => format!("all {count} triangles of the scene have no area"),
-            };
-            let advice = "add a mesh that has faces of at least three vertices";
-            return Err(Error::new(problem, advice).at(path));
-        }
-        if !self.untextured.is_empty() {
-            let names = list(self.untextured.iter().map(String::as_str));
-            let text = "a mesh without texture coordinates shows one texel of the material";
-            self.warnings.push(Warning::skipped(format!("{}: {text} {names}", path.display())));
-        }
-        if dropped > 0 {
-            // They are invisible.
-            let text = format!("dropped {dropped} triangles without area");
-            self.warnings.push(Warning::chosen(text));
-        }
-        Ok(())
-    }
-
-    /// A camera that sees everything, with a warning unless `change` replaces its position.
-    pub fn default_camera(&mut self, path: &Path, change: CameraChange<'_>) -> Result<Camera> {
-        let camera = default_camera::camera(&self.bounds())?;
-        if change.from.is_some() || change.look_at.is_some() {
-            return Ok(camera);
-        }
-        let (path, position) = (path.display(), camera.position());
-        let degrees = change.fov.unwrap_or(default_camera::DEGREES);
-        let text = format!("{path}: no camera; added one at {position}, {degrees} degrees high");
-        self.warnings.push(Warning::chosen(text));
-        Ok(camera)
     }
 
     /// The medium that fills the scene if this one is around the camera; `None` if a shape bounds
@@ -283,91 +192,107 @@ impl Builder {
         })
     }
 
+    /// Builds the scene of the file `path`, which does not have a default light. A `requested`
+    /// environment replaces that of the file.
+    ///
+    /// # Errors
+    /// If the scene has no triangle, does not fit in memory, or is not valid.
     pub fn finish(
-        self,
+        mut self,
         path: &Path,
-        lights: Vec<Emitter>,
-        camera: Camera,
-        extras: SceneExtras<'_>,
-    ) -> Result<Loaded> {
-        let Self { arrangement, materials, mut warnings, .. } = self;
-        let SceneExtras {
-            regions,
-            environment,
-            mut defaults,
-            default_light,
-            ray_offset,
-            filling_medium,
-            meters,
-            camera: change,
-        } = extras;
-        let (camera, resolution) = change.apply(camera)?;
-        defaults.resolution = resolution.or(defaults.resolution);
+        contents: Contents<'_>,
+        requested: Option<&EnvironmentSource>,
+    ) -> Result<Imported> {
+        let Contents { defaults, meters, names, may_lack_light, .. } = contents;
+        let has_camera = contents.camera.is_some();
+        let arrangement = self.arrange(path)?;
+        let camera = match contents.camera {
+            Some(camera) => camera,
+            None => whole_view::camera(&arrangement.bounds())?,
+        };
+        let environment = match (requested, contents.environment) {
+            (Some(source), own) => {
+                let environment = source.environment(&mut self.warnings)?;
+                self.warnings.extend(own.map(|_| replaced_environment(path)));
+                Some(environment)
+            }
+            (None, own) => own.map(|read| read(&mut self.warnings)).transpose()?,
+        };
+        let Self { materials, warnings, .. } = self;
         let start = Instant::now();
-        let name = scene_name(path);
-        let mut scene = Scene::with_ray_offset(
-            name,
+        let scene = Scene::with_ray_offset(
+            scene_name(path),
             arrangement,
             materials,
-            lights,
+            contents.lights,
             camera,
-            regions,
-            ray_offset,
+            contents.regions,
+            contents.ray_offset,
         )?;
-        if let Some(environment) = environment {
-            scene = scene.with_environment(environment);
-        } else if default_light {
-            let resolution = defaults.resolution.unwrap_or([1, 1]);
-            scene = fallback::with_light(scene, resolution, path, &mut warnings);
+        let scene = scene.with_environment(environment);
+        let scene = scene.with_filling_medium(contents.filling_medium)?;
+        Ok(Imported {
+            file: path.to_owned(),
+            scene,
+            has_camera,
+            may_lack_light,
+            defaults,
+            meters,
+            warnings,
+            names,
+            assembly: start.elapsed(),
+        })
+    }
+
+    /// Arranges all meshes. Refuses a scene without triangles.
+    fn arrange(&mut self, path: &Path) -> Result<Arrangement> {
+        let groups = std::mem::take(&mut self.groups);
+        require_memory(groups.stored())?;
+        let (arrangement, dropped) = groups.arrange();
+        if arrangement.placements.is_empty() {
+            let problem = match dropped {
+                0 => "the scene has no triangle".to_owned(),
+                count => format!("all {count} triangles of the scene have no area"),
+            };
+            let advice = "add a mesh that has faces of at least three vertices";
+            return Err(Error::new(problem, advice));
         }
-        scene = scene.with_filling_medium(filling_medium).map_err(|error| error.at(path))?;
-        let assembly = start.elapsed();
-        if scene.lights().is_empty() {
-            let advice = "add a `[[light]]` table to the scene file, give a material an `emission`, or \
-                          give an environment of radiance 1";
-            return Err(Error::new("the scene has no light", advice).at(path));
+        if !self.untextured.is_empty() {
+            let names = list(self.untextured.iter().map(String::as_str));
+            let text = "a mesh without texture coordinates shows one texel of the material";
+            self.warnings.push(Warning::skipped(format!("{}: {text} {names}", path.display())));
         }
-        if !scene.lights().power().is_finite() {
-            let problem = format!("the power of all lights overflows{}", strongest(&scene));
-            return Err(Error::new(problem, "lower their intensity or emission").at(path));
+        if dropped > 0 {
+            // They are invisible.
+            let text = format!("dropped {dropped} triangles without area");
+            self.warnings.push(Warning::chosen(text));
         }
-        let summary = SceneSummary::new(&scene);
-        Ok(Loaded { scene: Arc::new(scene), defaults, meters, warnings, summary, assembly })
+        Ok(arrangement)
     }
 }
 
-/// Names the light that makes the power of all overflow, as the end of a sentence.
-fn strongest(scene: &Scene) -> String {
-    let emitters = scene.lights().emitters();
-    let power = |emitter: &Emitter| {
-        let largest = emitter.power().max_element();
-        if largest.is_nan() { f32::INFINITY } else { largest }
-    };
-    let first = emitters.iter().max_by(|a, b| power(a).total_cmp(&power(b)));
-    let of_all: Rgb = emitters.iter().map(Emitter::power).sum();
-    match first {
-        Some(Emitter::Triangle { .. } | Emitter::Textured(_)) if !of_all.is_finite() => {
-            let emission = |own: &&Material| own.emission.max_element();
-            let materials = scene.materials().iter();
-            let brightest = materials.max_by(|a, b| emission(a).total_cmp(&emission(b)));
-            brightest.map_or_else(String::new, |own| {
-                format!("; the material `{}` has the largest emission", own.name)
-            })
-        }
-        Some(first) if !of_all.is_finite() => match first.position() {
-            Some(position) => format!("; the strongest light is at {position}"),
-            None => "; the strongest light is parallel".to_owned(),
-        },
-        _ => "; the environment is the strongest".to_owned(),
+/// The name of the file, or that of its folder for the usual file name `scene.toml`.
+fn scene_name(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or_default();
+    let folder = path.canonicalize().ok().and_then(|full| Some(full.parent()?.to_owned()));
+    match folder.as_deref().and_then(Path::file_name) {
+        Some(folder) if stem == "scene" => folder.to_string_lossy().into_owned(),
+        _ => stem.to_string_lossy().into_owned(),
     }
+}
+
+/// The error about a shape that its transform moves too far.
+pub fn out_of_range() -> Error {
+    let problem = "its transform moves it out of the range of coordinates";
+    Error::new(problem, "reduce its scale or translation")
 }
 
 const SIMPLIFY: &str = "leave out or simplify some meshes";
 
 /// Refuses more triangles than fit in memory.
-fn require_memory(triangles: u64, path: &Path) -> Result<()> {
+fn require_memory(triangles: u64) -> Result<()> {
     check_memory(triangles as f64 * TRIANGLE_BYTES, available_memory()).map_err(|problem| {
         let problem = format!("the scene has at least {triangles} triangles, which take {problem}");
-        Error::new(problem, SIMPLIFY).at(path)
+        Error::new(problem, SIMPLIFY)
     })
 }

@@ -1,4 +1,4 @@
-//! Environments: maps of radiance, and the default environment of scenes without light.
+//! Environments: maps of radiance.
 
 use super::text::{decoded, open, read_bytes};
 use super::warnings::Warning;
@@ -60,7 +60,7 @@ impl EnvironmentSource {
 ///
 /// # Errors
 /// If a file cannot be read, or the inset is not within the map.
-pub(super) fn from_file(
+pub fn from_file(
     path: &Path,
     scale: Rgb,
     turn_deg: f32,
@@ -100,7 +100,7 @@ fn scaled(path: &Path, scale: Rgb, warnings: &mut Vec<Warning>) -> Result<(u32, 
 
 /// Multiplies radiances by `scale`. Those that are negative or not finite become 0; returns their
 /// indices.
-pub(super) fn scale_pixels(pixels: &mut [Rgb], scale: Rgb) -> Vec<usize> {
+pub fn scale_pixels(pixels: &mut [Rgb], scale: Rgb) -> Vec<usize> {
     let mut invalid = Vec::new();
     for (index, pixel) in pixels.iter_mut().enumerate() {
         *pixel *= scale;
@@ -110,27 +110,6 @@ pub(super) fn scale_pixels(pixels: &mut [Rgb], scale: Rgb) -> Vec<usize> {
         }
     }
     invalid
-}
-
-/// Mean radiance of [`soft`], W/(m^2 sr).
-const SOFT_MEAN: f32 = 0.6;
-/// Difference between the radiance toward +y and the mean, W/(m^2 sr).
-const SOFT_RISE: f32 = 0.6;
-/// Rows of its map: more than the eye distinguishes in a preview.
-const SOFT_ROWS: u32 = 256;
-
-/// Minimum and maximum radiance of [`soft`], W/(m^2 sr), for a white surface of radiance 1.
-pub(super) const SOFT: [f32; 2] = [SOFT_MEAN - SOFT_RISE, SOFT_MEAN + SOFT_RISE];
-
-/// A gray environment that is brighter from above (+y): its radiance is `0.6 (1 + y)` times that of
-/// a `white` surface that faces up, W/(m^2 sr). The cosine-weighted mean of `y` over such a surface
-/// is 2/3.
-pub(super) fn soft(white: f32) -> Environment {
-    let row = |row: u32| {
-        let latitude = std::f32::consts::PI * (row as f32 + 0.5) / SOFT_ROWS as f32;
-        Rgb::splat(white * (SOFT_MEAN + SOFT_RISE * latitude.cos()))
-    };
-    Environment::new(1, SOFT_ROWS, (0..SOFT_ROWS).map(row).collect(), 0.0)
 }
 
 /// An image of radiances.
@@ -144,7 +123,7 @@ pub struct RadianceImage {
 }
 
 /// Pixels of an image of radiances.
-pub(super) fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
+pub fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
     let RadianceImage { size: (width, height), pixels, .. } = read_radiance(path)?;
     Ok((width, height, pixels))
 }
@@ -229,7 +208,6 @@ fn hdr_header(bytes: &[u8]) -> (Rgb, Option<DMat3>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f32::consts::PI;
 
     #[test]
     fn radiances_parse_as_numbers_and_other_text_as_file_names() {
@@ -241,27 +219,6 @@ mod tests {
         for bad in ["-1", "1,2", "nan", "inf", "1,1,-1"] {
             let problem = read(bad).unwrap_err().to_string();
             assert!(problem.contains("is not a radiance"), "{problem}");
-        }
-    }
-
-    #[test]
-    fn white_surfaces_in_soft_light_have_the_expected_radiance() {
-        // Surfaces facing up, sideways and down: mean radiance plus 2/3 of the rise times the
-        // normal's height.
-        let map = soft(1.0);
-        let n = 400;
-        for (y, expected) in [(1.0, 1.0), (0.0, SOFT_MEAN), (-1.0, 0.2)] {
-            let normal = glam::Vec3::new((1.0_f32 - y * y).sqrt(), y, 0.0);
-            let mut sum = 0.0;
-            for i in 0..n * n {
-                let height = 2.0 * ((i / n) as f32 + 0.5) / n as f32 - 1.0;
-                let (sin, cos) = (2.0 * PI * ((i % n) as f32 + 0.5) / n as f32).sin_cos();
-                let across = (1.0 - height * height).sqrt();
-                let wi = glam::Vec3::new(across * cos, height, across * sin);
-                sum += f64::from(map.radiance(wi).x * wi.dot(normal).max(0.0));
-            }
-            let radiance = sum / f64::from(n * n) * 4.0;
-            assert!((radiance - f64::from(expected)).abs() < 3e-3, "{y}: {radiance}");
         }
     }
 }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// - come from bytes that are not UTF-8,
 /// - differ in case, as on Windows,
 /// - begin at the root of another computer. Then the end of its path counts.
-pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
+pub fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     find_exact(folder, name).or_else(|| by_parts(folder, &in_slashes(name)))
 }
 
@@ -19,7 +19,7 @@ fn in_slashes(name: &str) -> String {
 }
 
 /// Finds the file of a name as [`find`] does, but only one of exactly this name.
-pub(super) fn find_exact(folder: &Path, name: &str) -> Option<PathBuf> {
+pub fn find_exact(folder: &Path, name: &str) -> Option<PathBuf> {
     let unquoted = name.trim().trim_matches(['"', '\'']);
     let names = [name.to_owned(), unquoted.to_owned(), in_slashes(name)];
     let as_text = names.iter().map(PathBuf::from);
@@ -28,7 +28,7 @@ pub(super) fn find_exact(folder: &Path, name: &str) -> Option<PathBuf> {
 }
 
 /// Whether `found`, the result of [`find`], has a path that the user may not expect for this name.
-pub(super) fn is_guess(folder: &Path, name: &str, found: &Path) -> bool {
+pub fn is_guess(folder: &Path, name: &str, found: &Path) -> bool {
     found != folder.join(in_slashes(name))
         && latin1_path(name).is_none_or(|own| found != folder.join(own))
 }

@@ -8,7 +8,7 @@ const STEP: u64 = 1 << 26;
 
 /// Counts the bytes that a reader stores.
 #[derive(Debug, Default)]
-pub(super) struct Growth {
+pub struct Growth {
     stored: u64,
     checked: u64,
 }

@@ -4,16 +4,16 @@ use flate2::bufread::MultiGzDecoder;
 use std::io::{self, BufRead, Read};
 
 /// The first bytes of a compressed file.
-pub(super) const MAGIC: [u8; 2] = [0x1f, 0x8b];
+pub const MAGIC: [u8; 2] = [0x1f, 0x8b];
 
 /// A compressed file may always have as many bytes of content.
 const MIN_CONTENT: u64 = 1 << 28;
 
 /// Maximum bytes of content per byte of a compressed file. Meshes of equal numbers reach about 30.
-pub(super) const MAX_RATIO: u64 = 100;
+pub const MAX_RATIO: u64 = 100;
 
 /// Decodes a file of so many bytes.
-pub(super) fn decoder<R: BufRead>(compressed: R, length: u64) -> impl Read {
+pub fn decoder<R: BufRead>(compressed: R, length: u64) -> impl Read {
     let left = MIN_CONTENT.max(length.saturating_mul(MAX_RATIO));
     Bounded { decoder: MultiGzDecoder::new(compressed), left }
 }

@@ -1,46 +1,39 @@
-//! Scene files: reading TOML, OBJ, glTF, Mitsuba's XML and pbrt-v4, and writing a scene as a folder
-//! of TOML, OBJ and PNG.
+//! Scene files: readers of TOML, OBJ, glTF, Mitsuba's XML and pbrt-v4, and a writer of a scene as a
+//! folder of TOML, OBJ and PNG.
 //!
-//! [`load()`] reads scenes and [`export()`] writes them. No other module knows file formats of
-//! scenes.
+//! A reader (`read`) fills a `builder` with meshes, materials and lights. What several formats have
+//! is written once: `look` (materials), `spectrum`, `shape`, `light`, `sensor`, `sky` and
+//! `warnings`. Readers do not know each other, except for mesh files, which several formats refer
+//! to. No reader traces rays: [`load`](https://docs.rs/bdpm-load) adds what rays decide. No other module knows
+//! file formats of scenes.
 
 mod builder;
-mod camera_change;
-mod curves;
-mod default_camera;
 mod environment;
-mod export;
-mod fallback;
 mod file_names;
-mod gltf;
 mod growth;
 mod gzip;
-mod instances;
-mod instancing;
+mod light;
 mod lines;
-mod lit_check;
-mod load;
-mod meters;
+mod look;
 mod luminaires;
-mod mitsuba;
-mod mtl;
-mod obj;
-mod paint;
-mod pbrt;
-mod ply;
-mod scene_file;
+mod read;
+mod sensor;
+mod shape;
+mod spectrum;
 mod srgb;
-mod summary;
 mod text;
-mod texture_file;
 mod warnings;
+mod whole_view;
+mod write;
 
-pub use camera_change::{CameraChange, LookAt};
+pub use builder::{FileNames, Imported};
 pub use environment::{EnvironmentSource, RadianceImage, read_radiance};
-pub use export::{Exported, export};
-pub use load::{LoadOptions, Loaded, NamedMesh, SCENE_EXTENSIONS, load, load_meshes, load_with};
 pub use luminaires::frame as luminaire_frame;
-pub use meters::read_meters;
-pub use scene_file::render_settings;
-pub use summary::{SceneSummary, counted};
+pub use read::{
+    ImportOptions, NamedMesh, SCENE_EXTENSIONS, camera_of, read, read_meshes, read_meters,
+    render_settings,
+};
+pub use text::problems;
 pub use warnings::{Warning, WarningKind};
+pub use whole_view::WHOLE_VIEW_DEGREES;
+pub use write::{Exported, export_scene};

@@ -9,7 +9,7 @@ use std::path::Path;
 const MAX_LINE: usize = 1 << 20;
 
 /// Goes through text in memory, line by line.
-pub(super) struct Lines<'a> {
+pub struct Lines<'a> {
     path: &'a Path,
     rest: &'a [u8],
     line: Cow<'a, [u8]>,
@@ -20,13 +20,13 @@ pub(super) struct Lines<'a> {
 
 impl<'a> Lines<'a> {
     /// Starts before the first line of a file.
-    pub(super) fn new(path: &'a Path, text: &'a [u8]) -> Self {
+    pub fn new(path: &'a Path, text: &'a [u8]) -> Self {
         Self { path, rest: text, line: Cow::default(), number: 0, next: 1 }
     }
 
     /// Goes on to the next line; `false` at the end. A backslash at a line's end continues it,
     /// unless it is a comment.
-    pub(super) fn advance(&mut self) -> Result<bool> {
+    pub fn advance(&mut self) -> Result<bool> {
         if self.rest.is_empty() {
             return Ok(false);
         }
@@ -73,22 +73,27 @@ impl<'a> Lines<'a> {
     }
 
     /// The current line without white space around it.
-    pub(super) fn bytes(&self) -> &[u8] {
+    pub fn bytes(&self) -> &[u8] {
         &self.line
     }
 
     /// Decodes it as text. Comments and names in another encoding are no reason to refuse a file.
-    pub(super) fn text(&self) -> Cow<'_, str> {
+    pub fn text(&self) -> Cow<'_, str> {
         decoded(&self.line)
     }
 
     /// One-based number of the current line.
-    pub(super) fn number(&self) -> usize {
+    pub fn number(&self) -> usize {
         self.number
     }
 
+    /// The file and the number of the current line, for a message.
+    pub fn place(&self) -> String {
+        format!("{}:{}", self.path.display(), self.number)
+    }
+
     /// A problem in the current line.
-    pub(super) fn error(&self, problem: impl Into<String>, advice: impl Into<String>) -> Error {
+    pub fn error(&self, problem: impl Into<String>, advice: impl Into<String>) -> Error {
         Error::new(problem, advice).at(self.path).line(self.number, self.text())
     }
 

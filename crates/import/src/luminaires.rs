@@ -1,7 +1,7 @@
 //! Luminaires of a scene: their frame, and the point or the surface that they become.
 
 use super::builder::Builder;
-use super::instancing::MaterialMesh;
+use super::shape::instancing::MaterialMesh;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
 use bdpm_core::scene::bsdf::Bsdf;
@@ -14,7 +14,7 @@ use glam::{DMat3, DVec3, Vec3};
 use std::sync::Arc;
 
 /// A luminaire with its place in the scene.
-pub(super) struct PlacedLuminaire {
+pub struct PlacedLuminaire {
     pub name: String,
     pub distribution: Arc<IntensityDistribution>,
     pub opening: OpeningShape,
@@ -80,9 +80,9 @@ impl Builder {
         let opening = LuminousOpening::new(aimed, &mesh, is_flat);
         let black = Material::new(&name, Bsdf::diffuse(Rgb::ZERO));
         let luminous_opening = Some(Arc::new(opening));
-        let material = self.materials.len() as u32;
         let hidden_from_camera = is_hidden;
-        self.materials.push(Material { luminous_opening, hidden_from_camera, ..black });
+        let material =
+            self.add_material(Material { luminous_opening, hidden_from_camera, ..black });
         let part = MaterialMesh { mesh: Arc::new(mesh), material };
         self.place(Some(&name), &[part], &Transform::IDENTITY).ok_or_else(|| {
             let problem = "the luminaire is outside of the range of coordinates";

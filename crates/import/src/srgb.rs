@@ -13,13 +13,13 @@ fn code(linear: f64) -> f64 {
 }
 
 /// The linear color of these codes. They are clamped to [0, 1], and NaN becomes 0.
-pub(super) fn decode(codes: [f64; 3]) -> Rgb {
+pub fn decode(codes: [f64; 3]) -> Rgb {
     let share = |code: f64| if code.is_nan() { 0.0 } else { code.clamp(0.0, 1.0) };
     Rgb::from_array(codes.map(|code| linear(share(code)) as f32))
 }
 
 /// The codes of a linear color.
-pub(super) fn encode(color: Rgb) -> [f64; 3] {
+pub fn encode(color: Rgb) -> [f64; 3] {
     color.to_array().map(|value| code(value.into()))
 }
 

@@ -5,25 +5,24 @@ use bdpm_core::base::memory::available_memory;
 use std::io::Read;
 use std::path::Path;
 
-pub(super) use super::file_names::find;
+pub use super::file_names::find;
 use super::gzip;
-pub(super) use bdpm_core::base::input::{decoded, open, read_bytes};
-pub(super) use bdpm_core::base::memory::check_memory;
+pub use bdpm_core::base::input::{decoded, open, read_bytes};
+pub use bdpm_core::base::memory::check_memory;
 
 /// Largest accepted scene file, bytes. Geometry belongs in OBJ files, which have no limit.
 const MAX_SCENE_FILE: u64 = 16 << 20;
 
 /// Names the file, unless the error names one already.
-pub(super) fn placed_at(error: Error, path: &Path) -> Error {
+pub fn placed_at(error: Error, path: &Path) -> Error {
     if error.has_location() { error } else { error.at(path) }
 }
 
 /// The advice for a file whose name is wrong in a scene file.
-pub(super) const RELATIVE_NAME: &str =
-    "check the name; it is relative to the folder of the scene file";
+pub const RELATIVE_NAME: &str = "check the name; it is relative to the folder of the scene file";
 
 /// Reads a small text file as a whole, without its byte order mark.
-pub(super) fn read(path: &Path) -> Result<String> {
+pub fn read(path: &Path) -> Result<String> {
     let bytes = read_bytes(path, MAX_SCENE_FILE + 1)?;
     if bytes.len() as u64 > MAX_SCENE_FILE {
         let problem = format!("the scene file is larger than {} MiB", MAX_SCENE_FILE >> 20);
@@ -45,7 +44,7 @@ const TIMES_IN_MEMORY: f64 = 6.0;
 
 /// Reads an OBJ or MTL file of any size that fits in memory, without its byte order mark. If all
 /// line ends are those of old Macs, they become line feeds.
-pub(super) fn read_lines(path: &Path) -> Result<Vec<u8>> {
+pub fn read_lines(path: &Path) -> Result<Vec<u8>> {
     let mut file = open(path)?;
     let needed = TIMES_IN_MEMORY * file.metadata().map_or(0, |metadata| metadata.len()) as f64;
     check_memory(needed, available_memory()).map_err(|problem| {
@@ -64,20 +63,20 @@ pub(super) fn read_lines(path: &Path) -> Result<Vec<u8>> {
 }
 
 /// Replaces the line ends of old Macs.
-pub(super) fn unify_line_ends(text: &mut [u8]) {
+pub fn unify_line_ends(text: &mut [u8]) {
     if memchr::memchr(b'\n', text).is_none() {
         text.iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
     }
 }
 
 /// The first word and what follows it, without white space around either.
-pub(super) fn split_keyword(line: &str) -> (&str, &str) {
+pub fn split_keyword(line: &str) -> (&str, &str) {
     let end = line.find(char::is_whitespace).unwrap_or(line.len());
     (&line[..end], line[end..].trim_start())
 }
 
 /// A few names for a message, in quotes.
-pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+pub fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let mut names = names.into_iter();
     let quoted = |name: &str| format!("`{}`", shortened(name, 60));
     let shown: Vec<String> = names.by_ref().take(12).map(quoted).collect();
@@ -88,7 +87,7 @@ pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
 }
 
 /// A few problems for a message, one after the other.
-pub(super) fn problems<'a>(all: impl IntoIterator<Item = &'a str>) -> String {
+pub fn problems<'a>(all: impl IntoIterator<Item = &'a str>) -> String {
     let mut all = all.into_iter();
     let shown: Vec<String> = all.by_ref().take(4).map(|text| shortened(text, 200)).collect();
     match all.count() {

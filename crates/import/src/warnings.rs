@@ -1,8 +1,7 @@
 //! Warnings about how a scene was read.
 
 use super::text::{list, problems};
-use bdpm_core::base::error::{Error, Result, visible};
-use bdpm_core::scene::Scene;
+use bdpm_core::base::error::visible;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{self, Write};
@@ -43,26 +42,9 @@ impl Warning {
 }
 
 /// A warning that the requested environment replaces that of the file.
-pub(super) fn replaced_environment(path: &Path) -> Warning {
+pub fn replaced_environment(path: &Path) -> Warning {
     let text = "the given environment replaces that of the file";
     Warning::chosen(format!("{}: {text}", path.display()))
-}
-
-/// Distance of a scene from the origin, over its size, from which on its image is noticeably wrong:
-/// 0.7 % at 10,000.
-const FAR: f32 = 1000.0;
-
-/// A warning that single precision rounds the positions of a scene too coarsely.
-pub(super) fn far_from_origin(scene: &Scene) -> Option<Warning> {
-    let away = scene.bounds().center().abs().max_element() / scene.size();
-    (away > FAR && away.is_finite()).then(|| Warning {
-        advice: Some("move the scene to the origin"),
-        ..Warning::chosen(format!(
-            "the scene is {away:.0} times its size away from the origin, where single precision rounds positions to \
-             {:.1e} of its size: light leaks and is lost",
-            away * f32::EPSILON
-        ))
-    })
 }
 
 /// The text, and a line with the advice if there is some.
@@ -73,20 +55,14 @@ impl fmt::Display for Warning {
     }
 }
 
-/// Refuses a scene if anything was skipped.
-pub(super) fn require_complete(warnings: &[Warning]) -> Result<()> {
-    let skipped = warnings.iter().filter(|warning| warning.kind == WarningKind::Skipped);
-    let text = problems(skipped.map(|warning| &warning.text[..]));
-    if text.is_empty() {
-        return Ok(());
-    }
-    let advice = "change the files, or load the scene without strict checking";
-    Err(Error::new(format!("not all of the scene can be rendered: {text}"), advice))
-}
-
-/// Warnings that many elements of a file share: the names of the elements by kind and phrase.
+/// Warnings that many elements of a file share.
 #[derive(Default)]
-pub(super) struct GroupedWarnings(BTreeMap<(WarningKind, String), BTreeSet<String>>);
+pub struct GroupedWarnings {
+    /// Names of the elements by kind and phrase.
+    names: BTreeMap<(WarningKind, String), BTreeSet<String>>,
+    /// Pictures that cannot be read, each with the reason.
+    unreadable: BTreeSet<String>,
+}
 
 impl GroupedWarnings {
     /// The image lacks something of the element `name`, or shows it differently.
@@ -105,15 +81,30 @@ impl GroupedWarnings {
         self.add(WarningKind::Chosen, phrase.into(), name);
     }
 
+    /// A file was found under another name than `name`.
+    pub fn guessed(&mut self, name: &str) {
+        self.chosen("found under other names the files", name);
+    }
+
+    /// A picture cannot be read, for a reason.
+    pub fn unreadable(&mut self, problem: String) {
+        self.unreadable.insert(problem);
+    }
+
     fn add(&mut self, kind: WarningKind, phrase: String, name: &str) {
-        self.0.entry((kind, phrase)).or_default().insert(name.to_owned());
+        self.names.entry((kind, phrase)).or_default().insert(name.to_owned());
     }
 
     /// One warning for each phrase, about the file of this name.
     pub fn into_warnings(self, file: &str) -> impl Iterator<Item = Warning> {
-        self.0.into_iter().map(move |((kind, phrase), names)| {
+        let all = problems(self.unreadable.iter().map(String::as_str));
+        let text = format!("{file}: ignored textures that cannot be read: {all}");
+        let unreadable = (!all.is_empty()).then(|| Warning::skipped(text));
+        let file = file.to_owned();
+        let grouped = self.names.into_iter().map(move |((kind, phrase), names)| {
             let names = list(names.iter().map(String::as_str));
             Warning { kind, text: format!("{file}: {phrase} {names}"), advice: None }
-        })
+        });
+        unreadable.into_iter().chain(grouped)
     }
 }

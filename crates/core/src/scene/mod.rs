@@ -18,7 +18,6 @@ mod medium;
 mod mesh;
 mod meter;
 mod normal_map;
-pub mod path_walker;
 mod placement;
 mod region;
 mod shading;

@@ -5,6 +5,7 @@ pub mod area;
 pub mod camera_paths;
 pub mod clearance;
 mod path_queue;
+pub mod path_walker;
 mod free_flight;
 pub mod gather;
 pub mod goniometer;

@@ -3,14 +3,14 @@
 //!
 //! It is simple, slow and unbiased. It shares the scene and its intersections with the renderer,
 //! and none of the transport: no photons and no merging. Caustics of small lights converge very
-//! slowly, and it cannot sample those of point lights. [`path_walker`](crate::scene::path_walker)
-//! follows the paths.
+//! slowly, and it cannot sample those of point lights. [`path_walker`](super::path_walker) follows
+//! the paths.
 
+use super::path_walker::{PathVisitor, radiance};
 use crate::accel::{Hit, Intersect, Ray};
 use crate::base::math::Rgb;
 use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::film::radiance::Film;
-use crate::scene::path_walker::{PathVisitor, radiance};
 use crate::scene::{LightSample, Receiver, Scene, View};
 use crate::settings::Settings;
 use glam::Vec3;

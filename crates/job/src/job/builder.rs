@@ -14,7 +14,7 @@ use bdpm_core::scene::Scene;
 use bdpm_core::scene::backend::Backend;
 use bdpm_core::settings::PartialSettings;
 use bdpm_core::settings::provenance::Provenance;
-use bdpm_import::Loaded;
+use bdpm_load::Loaded;
 use rayon::ThreadPool;
 use std::path::Path;
 use std::sync::Arc;

@@ -24,7 +24,7 @@ use bdpm_core::render::block::CombinedImage;
 use bdpm_core::scene::backend::{self, Backend};
 use bdpm_core::scene::{LightSource, MeterKind, MeterSet, Scene};
 use bdpm_core::settings::{MAX_IMAGE_SIDE, PartialSettings};
-use bdpm_import::Loaded;
+use bdpm_load::Loaded;
 use mean_series::MeanSeries;
 use rayon::ThreadPool;
 use std::ops::{ControlFlow, Range};

@@ -403,7 +403,7 @@ mod tests {
     use super::*;
     use bdpm_core::scene::backend::{Backend, build};
     use bdpm_core::settings::MediumQuery;
-    use bdpm_import::load;
+    use bdpm_load::load;
 
     fn settings() -> Settings {
         Settings::resolve(&Default::default(), &Default::default(), 1.0).unwrap()

@@ -204,7 +204,7 @@ mod tests {
     use bdpm_core::noise::Measure;
     use bdpm_core::scene::backend::{Backend, build};
     use bdpm_core::settings::{Bias, PartialSettings};
-    use bdpm_import::load;
+    use bdpm_load::load;
 
     /// The radius of a revised choice over that of an image that merges within `factor` times the
     /// radius of the pilot.

@@ -458,7 +458,7 @@ mod tests {
     use bdpm_core::scene::backend::{Backend, build};
     use bdpm_core::settings::{Direct, Strategy};
     use bdpm_core::transport::photon::PhotonClass;
-    use bdpm_import::load;
+    use bdpm_load::load;
 
     #[test]
     fn equal_radii_measure_the_bias_of_each_class_separately() {

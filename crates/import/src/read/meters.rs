@@ -1,0 +1,131 @@
+//! Tables of meters in files of their own: CSV or TOML.
+
+use crate::read::extension;
+use crate::read::toml::keys::meters_alone;
+use crate::text;
+use bdpm_core::base::error::{Error, Result};
+use bdpm_core::scene::{Meter, MeterKind, MeterSet};
+use glam::Vec3;
+use std::path::Path;
+
+/// Columns that every table has, in this order.
+const COLUMNS: [&str; 7] = ["name", "x", "y", "z", "nx", "ny", "nz"];
+
+/// Column of the opening angle of meters of luminance, degrees. Without it, or where it is empty,
+/// meters measure illuminance.
+const OPENING: &str = "opening_deg";
+
+/// Reads meters from a file: `[[meter]]` tables of a `.toml` file, or the rows of a `.csv` file
+/// with a header `name,x,y,z,nx,ny,nz` and optionally `opening_deg`.
+///
+/// # Errors
+/// If the file cannot be read, or a row is not valid; names its line.
+pub fn read_meters(path: &Path) -> Result<Vec<MeterSet>> {
+    let content = text::read(path)?;
+    match &extension(path)[..] {
+        "toml" => meters_alone(path, &content),
+        "csv" => parse_csv(path, &content),
+        _ => {
+            let problem = "the table of meters is neither a .csv nor a .toml file";
+            Err(Error::new(problem, "give a file ending in .csv or .toml").at(path))
+        }
+    }
+}
+
+fn parse_csv(path: &Path, content: &str) -> Result<Vec<MeterSet>> {
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(content.as_bytes());
+    let header = reader.headers().map_err(|error| csv_error(path, &error))?.clone();
+    let names: Vec<&str> = header.iter().collect();
+    let has_opening = match &names[..] {
+        [known @ .., last] if known == COLUMNS && *last == OPENING => true,
+        known if known == COLUMNS => false,
+        _ => {
+            let problem = format!("the columns are `{}`", names.join(","));
+            let advice = format!("use `{}`, and optionally `{OPENING}`", COLUMNS.join(","));
+            return Err(Error::new(problem, advice).at(path).line(1, names.join(",")));
+        }
+    };
+    let mut sets = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|error| csv_error(path, &error))?;
+        let line = record.position().map_or(0, |position| position.line() as usize);
+        let row = || record.iter().collect::<Vec<_>>().join(",");
+        let place = |error: Error| error.at(path).line(line, row());
+        sets.push(set(&record, has_opening).map_err(place)?);
+    }
+    if sets.is_empty() {
+        return Err(Error::new("the table has no meters", "add a row for each meter").at(path));
+    }
+    Ok(sets)
+}
+
+fn set(record: &csv::StringRecord, has_opening: bool) -> Result<MeterSet> {
+    let number = |column: usize| {
+        record[column].parse::<f32>().map_err(|_| {
+            let name = COLUMNS.get(column).unwrap_or(&OPENING);
+            let problem = format!("`{name}` is `{}`", &record[column]);
+            Error::new(problem, "give a number")
+        })
+    };
+    let vector = |first: usize| {
+        Ok::<_, Error>(Vec3::new(number(first)?, number(first + 1)?, number(first + 2)?))
+    };
+    let (position, normal) = (vector(1)?, vector(4)?);
+    if has_opening && !record[COLUMNS.len()].is_empty() {
+        let half = (0.5 * number(COLUMNS.len())?).to_radians();
+        let meter = Meter::radiance(position, normal, half)?;
+        return Ok(MeterSet::single(&record[0], MeterKind::Radiance, meter));
+    }
+    let meter = Meter::irradiance(position, normal)?;
+    Ok(MeterSet::single(&record[0], MeterKind::Irradiance, meter))
+}
+
+/// An error of the reader, with its line if it has one.
+fn csv_error(path: &Path, error: &csv::Error) -> Error {
+    let advice = "give each row as many fields as the header has";
+    let problem = Error::new(format!("the table is not valid: {error}"), advice).at(path);
+    match error.position() {
+        Some(position) => problem.line(position.line() as usize, ""),
+        None => problem,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(content: &str) -> Result<Vec<MeterSet>> {
+        parse_csv(Path::new("m.csv"), content)
+    }
+
+    #[test]
+    fn rows_are_meters_of_illuminance_or_luminance() {
+        let text = "name, x, y, z, nx, ny, nz, opening_deg\ndesk, 1, 2.5, -3, 0, 0, 2,\n\"a, b\",0,0,0,0,1,0,20\n";
+        let sets = parse(text).unwrap();
+        let desk = &sets[0];
+        assert_eq!((&desk.name[..], desk.kind, desk.grid), ("desk", MeterKind::Irradiance, [1, 1]));
+        let Meter { position, normal, .. } = desk.meters[0];
+        assert_eq!((position, normal), (Vec3::new(1.0, 2.5, -3.0), Vec3::Z));
+        assert_eq!((&sets[1].name[..], sets[1].kind), ("a, b", MeterKind::Radiance));
+        assert!((sets[1].meters[0].half_angle.to_degrees() - 10.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn bad_tables_name_the_line() {
+        let header = "name,x,y,z,nx,ny,nz\n";
+        for (rows, line, problem) in [
+            ("", 0, "no meters"),
+            ("a,1,2,3,0,0,1\nb,1,2,3,0,0,x\n", 3, "`nz` is `x`"),
+            ("a,1,2,3,0,0,0\n", 2, "faces"),
+            ("a,1,2,3\n", 2, "not valid"),
+            ("a,1,2,inf,0,0,1\n", 2, "inf"),
+        ] {
+            let error = parse(&format!("{header}{rows}")).unwrap_err();
+            let text = error.to_string();
+            assert!(text.contains(problem) && text.contains("m.csv"), "{text}");
+            assert_eq!(error.line_number().unwrap_or(0), line, "{text}");
+        }
+        let text = parse("name,x,y\na,1,2\n").unwrap_err().to_string();
+        assert!(text.contains("the columns are `name,x,y`"), "{text}");
+    }
+}

@@ -1,0 +1,92 @@
+//! Readers of scene files, one folder per format. Each fills a [`Builder`](super::builder::Builder)
+//! with meshes, looks and lights, and returns what its file describes.
+
+mod gltf;
+mod meters;
+mod mitsuba;
+mod mtl;
+mod obj;
+mod pbrt;
+mod ply;
+mod toml;
+
+pub use meters::read_meters;
+pub use toml::keys::render_settings;
+pub use toml::{NamedMesh, read_meshes};
+
+use super::builder::Imported;
+use super::environment::EnvironmentSource;
+use super::text::{self, placed_at};
+use bdpm_core::base::error::{Error, Result};
+use bdpm_core::scene::Camera;
+use std::path::Path;
+
+/// Options for reading a scene.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ImportOptions<'a> {
+    /// Name of a camera in a glTF or Mitsuba file.
+    pub camera: Option<&'a str>,
+    /// Environment that replaces that of the file.
+    pub environment: Option<&'a EnvironmentSource>,
+}
+
+/// Extensions of scene files, in lower case.
+pub const SCENE_EXTENSIONS: &[&str] = &["toml", "gltf", "glb", "obj", "xml", "pbrt"];
+
+const KNOWN_TYPES: &str =
+    "give a .toml, .gltf, .glb, .obj, .xml or .pbrt file, or a folder that holds scene.toml";
+
+const FROM_BLENDER: &str = "in Blender, choose File > Export > glTF 2.0 and give the .glb file, or \
+                            render with the add-on (docs/how-to/blender.md)";
+
+/// Reads a `.toml` scene file, a folder that holds `scene.toml`, a `.gltf`, `.glb` or `.obj` file,
+/// an `.xml` file of Mitsuba, or a `.pbrt` file of pbrt-v4.
+///
+/// # Errors
+/// Names the file and, where there is one, the line or the JSON element that cannot be read.
+pub fn read(path: &Path, options: &ImportOptions) -> Result<Imported> {
+    if path.is_dir() {
+        let inside = path.join("scene.toml");
+        if !inside.exists() {
+            return Err(Error::new("the folder holds no scene.toml", KNOWN_TYPES).at(path));
+        }
+        return read(&inside, options);
+    }
+    // A missing file is the more important problem than its extension.
+    std::fs::metadata(path).map_err(|e| Error::io("read the scene", path, e))?;
+    let extension = extension(path);
+    if let (Some(name), false) = (options.camera, matches!(&extension[..], "gltf" | "glb" | "xml"))
+    {
+        let problem =
+            format!("there is no camera `{name}`: only glTF and Mitsuba files have named cameras");
+        return Err(Error::new(problem, "name no camera").at(path));
+    }
+    let read = match &extension[..] {
+        "gltf" | "glb" => gltf::read(path, options),
+        "toml" => toml::read(path, options),
+        "obj" => obj::read(path, options),
+        "xml" => mitsuba::read(path, options),
+        "pbrt" => pbrt::read(path, options),
+        "blend" => Err(Error::new("files of Blender cannot be read", FROM_BLENDER)),
+        other => Err(Error::new(format!("scenes of type `.{other}` cannot be read"), KNOWN_TYPES)),
+    };
+    read.map_err(|error| placed_at(error, path))
+}
+
+/// The camera of a scene, and the resolution that its file gives. Of a scene file in TOML, only
+/// `[camera]` and `[render]` are read.
+///
+/// # Errors
+/// In the cases of [`read`].
+pub fn camera_of(path: &Path) -> Result<(Camera, Option<[u32; 2]>)> {
+    if extension(path) == "toml" {
+        return toml::keys::camera_alone(path, &text::read(path)?);
+    }
+    let imported = read(path, &ImportOptions::default())?;
+    Ok((imported.scene.camera, imported.defaults.resolution))
+}
+
+/// The extension of a file name in lower case.
+pub fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
+}
