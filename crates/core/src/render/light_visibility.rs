@@ -6,6 +6,7 @@ use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::scene::lights::visibility::{Visibility, VisibilityTest};
 use crate::scene::{Receiver, Scene};
 use crate::settings::{Direct, Settings, Strategy};
+use crate::simd::LANES;
 use crate::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -15,7 +16,7 @@ const VERTICES: u32 = 3;
 
 /// Shadow rays of a vertex: half of them test the tree as a whole and distant lights, half any
 /// cluster.
-const TESTS: u32 = 4;
+const TESTS: usize = 4;
 
 /// Vertices whose shadow rays are traced together.
 const BATCH: usize = 1024;
@@ -38,11 +39,11 @@ pub(super) fn learned(
     if rays == 0 || !scene.lights().has_choice() {
         return Arc::clone(scene);
     }
-    let receivers = receivers(scene, accel, rays / TESTS, settings);
+    let receivers = receivers(scene, accel, rays / TESTS as u32, settings);
     let key = StreamKey::new(SEED, Stream::Visibility, 0);
     let batches = receivers.par_chunks(BATCH).enumerate();
     let tests: Vec<_> = batches
-        .flat_map_iter(|(batch, at)| test(scene, accel, &slots, at, key.rng(batch as u64)))
+        .flat_map_iter(|(batch, at)| test(scene, accel, &slots, at, key, batch * BATCH))
         .collect();
     let visibility = Visibility::learn(scene.lights(), &receivers, &tests);
     Arc::new(scene.with_visibility(Some(Arc::new(visibility))))
@@ -85,23 +86,29 @@ fn receivers(
     rows.collect()
 }
 
-/// Tests the visibility of lights from each vertex.
+/// Tests the visibility of lights from each vertex. `first` is the number of the first one.
 fn test(
     scene: &Scene,
     accel: &dyn Intersect,
     slots: &[u8],
     receivers: &[Receiver],
-    mut rng: Rng,
+    key: StreamKey,
+    first: usize,
 ) -> Vec<(VisibilityTest, bool)> {
     let lights = scene.lights();
     let outermost = lights.outermost_visibility_slots();
-    let mut tests = Vec::with_capacity(receivers.len() * TESTS as usize);
-    for &at in receivers {
-        for number in 0..TESTS {
-            let slots = if number % 2 == 0 { &outermost } else { slots };
-            let slot = slots[(rng.next_f64() * slots.len() as f64) as usize];
-            tests.extend(lights.visibility_test(slot, at, &mut rng));
+    let mut tests = Vec::with_capacity(receivers.len() * TESTS);
+    for (number, receivers) in receivers.chunks(LANES / TESTS).enumerate() {
+        let mut rngs = [Rng::default(); LANES];
+        let mut places = [(0, Receiver::default()); LANES];
+        for (lane, (place, rng)) in places.iter_mut().zip(&mut rngs).enumerate() {
+            let Some(&at) = receivers.get(lane / TESTS) else { continue };
+            *rng = key.rng((first * TESTS + number * LANES + lane) as u64);
+            let slots = if lane % 2 == 0 { &outermost } else { slots };
+            *place = (slots[(rng.next_f64() * slots.len() as f64) as usize], at);
         }
+        let count = receivers.len() * TESTS;
+        lights.add_visibility_tests(&places[..count], &mut rngs[..count], &mut tests);
     }
     let ray = |test: &VisibilityTest| Ray {
         t_far: SHADOW_RAY_END,

@@ -9,7 +9,7 @@ use crate::accel::{Hit, HitPacket, Ray};
 use crate::base::math::Rgb;
 use crate::scene::bsdf::Bsdf;
 use crate::simd::dispatch::{Simd, transpose_rows};
-use crate::simd::{LANES, Mask, Vec3s, any, bits};
+use crate::simd::{LANES, Mask, Vec3s, any, bits, lanes_of};
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 use std::array::from_fn;
@@ -120,6 +120,27 @@ impl Scene {
             let material = triangles[lane].material as usize;
             at.emission.set(lane, self.materials[material].emission);
         }
+    }
+
+    /// Reads the corners and texels of the hits of `lanes`, so that [`Self::surface`] waits for all
+    /// of them together instead of one after the other: scenes are larger than the caches.
+    pub fn read_ahead(&self, hits: &HitPacket, lanes: u32) {
+        let mut textured = [None; LANES];
+        let mut count = 0;
+        for lane in lanes_of(lanes) {
+            let hit = hits.get(lane);
+            let triangle = self.triangle(hit.mesh, hit.triangle).expect("a hit");
+            let texture = self.materials[triangle.material as usize].albedo_texture.as_deref();
+            let own = self.corners.get(triangle.corners as usize).zip(texture);
+            textured[count] = own.map(|(own, texture)| (own.uvs, [hit.u, hit.v], texture));
+            count += usize::from(own.is_some());
+        }
+        let mut texels = [None; LANES];
+        for (texels, textured) in texels.iter_mut().zip(&textured[..count]) {
+            *texels = textured.map(|(uvs, at, texture)| texture.rows_around(interpolate(uvs, at)));
+        }
+        let read = texels[..count].iter().flatten().flatten();
+        std::hint::black_box(read.fold(0, |all, texel| all ^ texel[0]));
     }
 
     /// The surface that `ray`, of unit direction, hit.

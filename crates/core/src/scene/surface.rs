@@ -1,6 +1,7 @@
 //! The surface at a hit.
 
 use super::diffuse::{DiffusePoint, TriangleSide};
+use super::shading::shading_normal;
 use super::{Material, Receiver};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
@@ -42,21 +43,19 @@ impl Surface<'_> {
         if self.front { front } else { -front }
     }
 
-    /// The surface as seen from this direction, on either side.
-    #[must_use]
-    pub fn seen_from(&self, direction: Vec3) -> Self {
-        if direction.dot(self.normal) >= 0.0 {
-            return Self { wo: direction, ..*self };
-        }
-        Self {
-            wo: direction,
-            facet: TriangleSide { side: self.facet.side ^ 1, ..self.facet },
-            normal: -self.normal,
-            interpolated: self.interpolated.map(|normal| -normal),
-            off_surface: self.start(direction),
-            front: !self.front,
-            ..*self
-        }
+    /// The arguments of its BSDF as seen from this direction, on either side.
+    pub fn vertex_from(&self, direction: Vec3, transport: Transport) -> Vertex {
+        let is_same_side = direction.dot(self.normal) >= 0.0;
+        let turned = |normal: Vec3| if is_same_side { normal } else { -normal };
+        let triangle = turned(self.normal);
+        let normal = match self.interpolated {
+            None => triangle,
+            Some(normal) => {
+                shading_normal(&self.bsdf, turned(normal), triangle, direction, transport)
+            }
+        };
+        let front = self.front == is_same_side;
+        Vertex { normal, wo: direction, front, tangent: self.tangent }
     }
 
     /// The point as a receiver of the light that it scatters back along the ray: from one side,

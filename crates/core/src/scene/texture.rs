@@ -38,6 +38,9 @@ pub enum Wrap {
     Clamp,
 }
 
+/// Coordinates below it have an integer part of 32 bits.
+const LARGE: f32 = (1_u32 << 30) as f32;
+
 impl Wrap {
     /// All ways to wrap, by their names in files.
     pub const NAMES: &[&str] = &["repeat", "mirror", "clamp"];
@@ -58,19 +61,23 @@ impl Wrap {
     #[inline]
     fn fold(self, x: f32) -> f32 {
         match self {
-            // Remainders may round up, and are NaN if `x` is infinite.
-            Self::Repeat => x.rem_euclid(1.0).min(1.0),
-            Self::Mirror => (1.0 - (x.rem_euclid(2.0) - 1.0).abs()).max(0.0),
+            // Differences may round up, and are NaN if `x` is infinite. (Remainders would be
+            // library calls.)
+            Self::Repeat if x.abs() < LARGE => x - floor(x) as f32,
+            Self::Repeat => (x - x.floor()).min(1.0),
+            Self::Mirror => (1.0 - (x - 2.0 * (0.5 * x).floor() - 1.0).abs()).max(0.0),
             Self::Clamp => x.clamp(0.0, 1.0),
         }
     }
 
     /// The texel that index `i`, at most one outside, maps to.
     #[inline]
-    fn texel(self, i: i64, size: u32) -> usize {
-        let size = i64::from(size);
+    fn texel(self, i: i32, size: u32) -> usize {
+        let size = size as i32;
         let inside = match self {
-            Self::Repeat => i.rem_euclid(size),
+            Self::Repeat if i < 0 => i + size,
+            Self::Repeat if i >= size => i - size,
+            Self::Repeat => i,
             Self::Mirror | Self::Clamp => i.clamp(0, size - 1),
         };
         inside as usize
@@ -81,6 +88,14 @@ impl std::fmt::Debug for Texture {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Texture({}x{})", self.width, self.height)
     }
+}
+
+/// The greatest integer up to `x`, by instructions of any processor: the standard function is a
+/// call.
+#[inline]
+fn floor(x: f32) -> i32 {
+    let toward_zero = x as i32;
+    toward_zero - i32::from((toward_zero as f32) > x)
 }
 
 /// Linear values of sRGB codes (IEC 61966-2-1).
@@ -186,21 +201,34 @@ impl Texture {
         self.filtered(uv, value).x
     }
 
+    /// The upper and the lower left one of the texels around `uv`.
+    #[inline]
+    pub(super) fn rows_around(&self, uv: Vec2) -> [&[u8; 4]; 2] {
+        let (left, _, _) = self.along(0, uv.x);
+        let (top, bottom, _) = self.along(1, uv.y);
+        [top, bottom].map(|row| &self.texels[row * self.width as usize + left])
+    }
+
+    /// The texels before and after a position along an axis, and the position between them.
+    #[inline]
+    fn along(&self, axis: usize, position: f32) -> (usize, usize, f32) {
+        let Sampling { wrap, nearest } = self.sampling;
+        let (wrap, size) = (wrap[axis], [self.width, self.height][axis]);
+        let folded = wrap.fold(position);
+        // Rows are from the top. Texel centers lie at halves.
+        let folded = if axis == 0 { folded } else { 1.0 - folded };
+        let position = folded * size as f32 - if nearest { 0.0 } else { 0.5 };
+        let index = floor(position);
+        (wrap.texel(index, size), wrap.texel(index + 1, size), position - index as f32)
+    }
+
     /// The nearest texel, or the bilinear interpolation of the four around `uv`.
     fn filtered(&self, uv: Vec2, value: impl Fn([u8; 4]) -> Vec4) -> Vec4 {
-        let Sampling { wrap: [across, up], nearest } = self.sampling;
-        // Texel centers lie at halves.
-        let along = |wrap: Wrap, x: f32, size: u32| {
-            let position = x * size as f32 - if nearest { 0.0 } else { 0.5 };
-            let low = position.floor();
-            let index = |i: f32| wrap.texel(i as i64, size);
-            (index(low), index(low + 1.0), position - low)
-        };
-        let (left, right, x) = along(across, across.fold(uv.x), self.width);
-        let (top, bottom, y) = along(up, 1.0 - up.fold(uv.y), self.height);
+        let (left, right, x) = self.along(0, uv.x);
+        let (top, bottom, y) = self.along(1, uv.y);
         let texel =
             |column: usize, row: usize| value(self.texels[row * self.width as usize + column]);
-        if nearest {
+        if self.sampling.nearest {
             return texel(left, top);
         }
         let above = texel(left, top).lerp(texel(right, top), x);

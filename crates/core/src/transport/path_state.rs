@@ -174,33 +174,27 @@ impl PathQueue<PathStates, 16> {
 }
 
 /// Handles a hit that [`Scene::lambertian`] leaves out. A surface that is Lambertian here sets its
-/// lane of `at`. At any other surface the path continues as `scatter` returns, with a wavelength if
-/// the surface is dispersive.
+/// lane of `at`. Any other surface is returned; a dispersive one gives the path a wavelength.
 #[inline(never)] // keeps the loops over Lambertian vertices short
-pub(super) fn at_other_surface(
-    scene: &Scene,
+pub(super) fn other_surface<'a>(
+    scene: &'a Scene,
     ray: &Ray,
     hit: &Hit,
     at: &mut DiffuseVertices,
     lane: usize,
-    mut state: PathState,
-    scatter: impl FnOnce(&Surface, PathState) -> Option<(Ray, PathState)>,
-) -> Option<(Ray, PathState)> {
+    state: &mut PathState,
+) -> Option<Surface<'a>> {
     let mut surface = scene.surface(ray, hit);
-    match surface.diffuse() {
-        Some(point) => {
-            at.set(lane, &point);
-            None
-        }
-        None => {
-            if surface.material.dispersion.is_some() {
-                let mut wavelength = state.history.wavelength();
-                state.weight *= surface.disperse(&mut wavelength, &mut state.rng);
-                state.history = state.history.with_wavelength(wavelength);
-            }
-            scatter(&surface, state)
-        }
+    if let Some(point) = surface.diffuse() {
+        at.set(lane, &point);
+        return None;
     }
+    if surface.material.dispersion.is_some() {
+        let mut wavelength = state.history.wavelength();
+        state.weight *= surface.disperse(&mut wavelength, &mut state.rng);
+        state.history = state.history.with_wavelength(wavelength);
+    }
+    Some(surface)
 }
 
 #[cfg(test)]

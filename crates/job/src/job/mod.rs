@@ -9,9 +9,12 @@
 //! the [`RenderState`] after every iteration.
 
 mod asked;
+mod audit;
+mod audit_report;
 mod builder;
 mod denoising;
 mod iterate;
+mod lead;
 mod leader;
 mod near_layers;
 mod outline;
@@ -23,6 +26,9 @@ mod step;
 mod time_check;
 mod worker;
 
+pub use audit::{Audit, DEFAULT_SHARE};
+pub use audit_report::{AuditReport, AuditedRegion, Verdict};
+pub(crate) use audit_report::{MIN_HITS, named_regions};
 pub use denoising::{DenoisedPromise, DenoisedReport, Denoising};
 pub use outline::JobOutline;
 pub use result::{RelativeError, RenderResult};
@@ -35,6 +41,7 @@ pub use worker::report_failure;
 use crate::mpi::{Ranks, SingleProcess};
 use crate::output::checkpoint::{Checkpoint, ShardedImage};
 use crate::output::denoise::ErrorSummary;
+use audit::AuditPace;
 use bdpm_auto::adaptive::autopilot::Autopilot;
 use bdpm_auto::adaptive::count_policy::{CountPolicy, Replay};
 use bdpm_auto::adaptive::plan::Plan;
@@ -49,6 +56,7 @@ use bdpm_core::film::counts::Counts;
 use bdpm_core::noise::file::check_memory;
 use bdpm_core::noise::film::BatchGrain;
 use bdpm_core::noise::schedule::MeasureSchedule;
+use bdpm_core::render::audit::AuditSums;
 use bdpm_core::render::block::Block;
 use bdpm_core::render::{RenderConfig, Renderer};
 use bdpm_core::scene::backend;
@@ -56,7 +64,7 @@ use bdpm_core::scene::backend::Backend;
 use bdpm_core::scene::{Media, Scene};
 use bdpm_core::settings::combinations;
 use bdpm_core::settings::provenance::{Provenance, Reuse};
-use bdpm_core::settings::{PartialSettings, Settings};
+use bdpm_core::settings::{Bias, PartialSettings, Settings};
 use leader::Leader;
 use rayon::ThreadPool;
 use shard::ShardIterations;
@@ -71,13 +79,13 @@ use std::time::{Duration, Instant};
 /// Relative error at which a job stops if no stop condition was given: 1 %.
 const DEFAULT_ERROR: f64 = 0.01;
 
-/// Shadow rays that learn the visibility of lights if a job chooses its settings: more of them
-/// hardly reduce the noise.
-const ENOUGH_VISIBILITY_RAYS: u32 = 1 << 19;
+/// Shadow rays that learn the visibility of lights if a job chooses its settings, per second of the
+/// job: they take about 2 % of its time. Eight times as many reduce the variance of a room behind
+/// windows by a tenth.
+const VISIBILITY_RAYS_PER_SECOND: f64 = 65_536.0;
 
-/// Time of a job for which these rays take up to about a hundredth of it, seconds. Shorter jobs
-/// trace fewer.
-const ENOUGH_VISIBILITY_SECONDS: f64 = 20.0;
+/// Their maximum: more of them hardly reduce the noise.
+const MOST_VISIBILITY_RAYS: u32 = 1 << 22;
 
 /// Renders a scene until a [`Stop`] condition holds.
 ///
@@ -113,9 +121,12 @@ pub struct RenderJob {
     pixel_noise: bool,
     aovs: AovSelection,
     denoise: bool,
+    audit: Option<f64>,
     shard: Option<Shard>,
     interrupt: Arc<AtomicBool>,
     planted: Option<PlantedFailure>,
+    /// Sums of the audit of the image that is resumed.
+    audited: Option<AuditSums>,
 }
 
 /// Start of an image.
@@ -193,147 +204,6 @@ impl RenderJob {
             let _ = leader.dismiss();
         }
         result
-    }
-
-    /// Renders as the only process, or as that which leads the others.
-    fn lead(
-        mut self,
-        ranks: &dyn Ranks,
-        leader: &mut Option<Leader>,
-        observer: &mut impl FnMut(Event) -> ControlFlow<()>,
-    ) -> Result<RenderResult> {
-        let start = self.started.unwrap_or_else(Instant::now);
-        if self.stop.time.is_some_and(|time| time.is_zero()) {
-            let advice = "give a time above 0, or a number of iterations";
-            return Err(Error::new("nothing can be rendered in a time of 0", advice));
-        }
-        let Prepared { scene, accel, threads, mut provenance, build_time } = self.prepare()?;
-        if let Some(leader) = leader {
-            leader.check_workers(&provenance)?;
-        }
-        let is_automatic = self.is_automatic();
-        let mut stop = self.stop_with_default();
-        combinations::check(&self.asked(&scene, &provenance.settings, ranks))?;
-        let iterations = self.shard_iterations(&stop)?;
-        if let Some(iterations) = &iterations {
-            stop.iterations = Some(iterations.assigned.count());
-        }
-        let mut denoising = None;
-        if self.denoise {
-            let Settings { width, height, .. } = provenance.settings;
-            denoising = Denoising::new(threads.current_num_threads(), (width, height), &stop)?;
-            if denoising.is_none() {
-                self.leave_out_denoising("it would take too much of the time", observer);
-            }
-        }
-        if let (Some(time), Some(denoising)) = (&mut stop.time, &denoising) {
-            *time = time.saturating_sub(denoising.reserve());
-        }
-        let reserve = self.reserve_per_pixel * provenance.settings.pixels() as u32;
-        if let Some(time) = &mut stop.time {
-            *time = time.saturating_sub(reserve);
-        }
-
-        let has_choice = scene.lights().has_choice();
-        if is_automatic && has_choice && matches!(self.start, Start::New) {
-            provenance.settings.light_visibility =
-                self.visibility_rays(&scene, &provenance.settings, stop.time);
-        }
-        let new = || {
-            Renderer::new(&scene, &accel, provenance.settings.clone())
-                .map(|new| new.interrupted_by(Arc::clone(&self.interrupt)))
-        };
-        let mut config = RenderConfig { ranks: ranks.count(), ..RenderConfig::default() };
-        let mut renderer = threads.install(new)?.configure(config)?;
-        if let Some(warning) = near_layers::warning(&scene, &*accel, &provenance.settings) {
-            let _ = observer(Event::Warning(warning));
-        }
-        let (mut selection, mut revision) = (None, None);
-        if is_automatic && matches!(self.start, Start::New) {
-            let free = self.chosen_parameters();
-            let _ = observer(Event::Choosing(free, &provenance));
-            let (chosen, may_revise) =
-                threads.install(|| technique::choose(&renderer, free, pilot_end(&stop)))?;
-            // Workers know only the settings of the start.
-            revision = (free.any() && leader.is_none()).then_some(may_revise);
-            provenance.settings = chosen.apply(&provenance.settings);
-            stop = stop.with_pilot_bias2(chosen.best().bias.powi(2));
-            let noise = chosen.best().noise;
-            if let (Some(time), Some(unused)) = (&mut stop.time, &denoising)
-                && !unused.can_pay(noise)
-            {
-                *time += unused.reserve();
-                denoising = None;
-                let reason = format!("the noise will be {:.1} % without it", 100.0 * noise);
-                self.leave_out_denoising(&reason, observer);
-            }
-            let settings = provenance.settings.clone();
-            renderer = threads.install(|| renderer.with_settings(settings))?;
-            selection = Some(chosen);
-        }
-        if let (Some(time), Some(counts)) = (self.stop.time, self.fixed_counts(&provenance)) {
-            let check = || {
-                let settings = &provenance.settings;
-                check_time(&scene, &accel, settings, time, (self.min_iterations, &counts))
-            };
-            if let Some(warning) = threads.install(check)? {
-                let _ = observer(Event::Warning(warning));
-            }
-        }
-        config.grain = self.batch_grain(&provenance.settings)?;
-        config.aovs = self.kept_aovs();
-        renderer = renderer.configure(config)?;
-        if let Some(iterations) = &iterations {
-            renderer.assign(iterations.assigned.clone());
-        }
-        let times = self.time_model(&provenance)?;
-        let policy = self.policy(
-            &mut renderer,
-            (&mut stop, selection.as_ref()),
-            times,
-            iterations.as_ref(),
-        )?;
-        if let Some(leader) = leader {
-            leader.set_up(&provenance, *renderer.config())?;
-        }
-        let regions = scene.regions.iter();
-        let regions = regions.filter_map(|region| region.within(&provenance.settings)).collect();
-        let state = RenderState {
-            provenance,
-            accel_name: accel.describe().name,
-            build_time,
-            earlier: policy.state(0.0).map_or(0.0, |state| state.elapsed()),
-            renderer,
-            policy,
-            stop,
-            is_automatic,
-            selection,
-            revision,
-            denoising,
-            sharded: iterations.map(|iterations| iterations.sharded),
-            regions,
-            totals: Totals::default(),
-            status: Status::default(),
-            history: Vec::new(),
-            exchanged: Exchanged::new(ranks.count()),
-            interrupt: self.interrupt,
-            threads,
-            latest: Mutex::default(),
-            failure: None,
-            planted: self.planted,
-            clock: RunClock::new(start, self.min_iterations, reserve),
-        };
-        iterate::run(state, leader, observer)
-    }
-
-    /// Renders the raw image, since denoising does not pay.
-    fn leave_out_denoising(
-        &mut self,
-        reason: &str,
-        observer: &mut impl FnMut(Event) -> ControlFlow<()>,
-    ) {
-        self.denoise = false;
-        let _ = observer(Event::Warning(format!("the image will not be denoised: {reason}")));
     }
 
     /// Renders as a rank other than 0 of several processes, until rank 0 has no more work for it.
@@ -448,9 +318,8 @@ impl RenderJob {
         if !scene.lights().has_environment() {
             return 0;
         }
-        let seconds = time.map_or(ENOUGH_VISIBILITY_SECONDS, |time| time.as_secs_f64());
-        let share = (seconds / ENOUGH_VISIBILITY_SECONDS).min(1.0);
-        (f64::from(ENOUGH_VISIBILITY_RAYS) * share) as u32
+        let most = f64::from(MOST_VISIBILITY_RAYS);
+        time.map_or(most, |time| (VISIBILITY_RAYS_PER_SECOND * time.as_secs_f64()).min(most)) as u32
     }
 
     fn stop_with_default(&self) -> Stop {
@@ -489,11 +358,14 @@ impl RenderJob {
     }
 
     /// Layers to accumulate: the selected ones and those that the denoiser needs.
-    fn kept_aovs(&self) -> AovSelection {
+    fn kept_aovs(&self, settings: &Settings, audit: Option<AuditPace>) -> AovSelection {
         let AovSelection { features, folds, .. } = self.aovs;
+        // Images whose bias is corrected have halves of their own.
+        let halves = audit.is_some() && settings.has_photons() && settings.bias == Bias::Keep;
         AovSelection {
             features: features || self.denoise,
             folds: folds || self.denoise,
+            halves,
             ..self.aovs
         }
     }
@@ -521,6 +393,7 @@ impl RenderJob {
             Start::Checkpoint { checkpoint, file } => {
                 self.check_resumed(&checkpoint, stop, iterations).map_err(|e| e.at(&file))?;
                 let mut checkpoint = *checkpoint;
+                self.audited = checkpoint.audit.take();
                 state = checkpoint.autopilot;
                 *stop = stop.with_pilot_bias2(state.map_or(0.0, |state| state.bias2()));
                 renderer.resume(checkpoint.take_partial())?;

@@ -1,6 +1,6 @@
 //! Sampling of a coat over a diffuse base.
 
-use super::{BsdfSample, DIFFUSE_ALPHA, Lobe, LobeSet, mirrored};
+use super::{BsdfSample, DIFFUSE_ALPHA, Lobe, LobeSet, LobeValue, mirrored};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -39,6 +39,11 @@ pub(super) trait CoatOverBase {
     /// Density of [`Self::sample_coat`], 1/sr. Not called for a smooth coat.
     fn coat_pdf_w(&self, wo: Vec3, wi: Vec3) -> f32;
 
+    /// [`Self::eval_coat`] and [`Self::coat_pdf_w`], which have much in common.
+    fn coat(&self, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
+        (self.eval_coat(wo, wi), self.coat_pdf_w(wo, wi))
+    }
+
     /// A direction from the coat, possibly below the surface. Not called for a smooth coat.
     fn sample_coat(&self, wo: Vec3, rng: &mut Rng) -> Vec3;
 
@@ -61,6 +66,29 @@ pub(super) trait CoatOverBase {
         let coat = if has_coat { self.eval_coat(wo, wi) } else { Rgb::ZERO };
         let base = if wanted(Lobe::Diffuse) { self.eval_base(wo, wi) } else { Rgb::ZERO };
         coat + base
+    }
+
+    /// Values and densities of the lobes that merge, and of rough ones.
+    fn lobes(&self, wo: Vec3, wi: Vec3) -> [LobeValue; 2] {
+        if wi.z <= 0.0 {
+            return <[LobeValue; 2]>::default();
+        }
+        let prob = self.coat_prob(wo);
+        let base = LobeValue {
+            value: self.eval_base(wo, wi),
+            pdf_w: (1.0 - prob) * cosine_hemisphere_pdf_w(wi.z),
+        };
+        let coat_lobe = self.coat_lobe();
+        if coat_lobe == Lobe::Delta {
+            return [base, LobeValue::default()];
+        }
+        let (value, pdf_w) = self.coat(wo, wi);
+        let coat = LobeValue { value, pdf_w: prob * pdf_w };
+        if coat_lobe == Lobe::Rough {
+            return [base, coat];
+        }
+        let both = LobeValue { value: base.value + coat.value, pdf_w: base.pdf_w + coat.pdf_w };
+        [both, LobeValue::default()]
     }
 
     /// Density of sampling the lobes of one class, 1/sr; its integral is less than 1 if there are

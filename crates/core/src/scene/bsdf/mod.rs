@@ -109,6 +109,15 @@ pub struct BsdfSample {
     pub lobe: Lobe,
 }
 
+/// The lobes of one class in one direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LobeValue {
+    /// Value, 1/sr; see [`Bsdf::eval_lobe`].
+    pub value: Rgb,
+    /// Density of sampling it, 1/sr; see [`Bsdf::pdf_w`].
+    pub pdf_w: f32,
+}
+
 /// The lobes to sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LobeSet {
@@ -270,6 +279,24 @@ impl Bsdf {
             }
             _ if self.spread() == Some(lobe) => self.eval(at, wi),
             _ => Rgb::ZERO,
+        }
+    }
+
+    /// Values and densities of the lobes that merge, and of rough ones.
+    pub fn lobes(&self, at: &Vertex, wi: Vec3) -> [LobeValue; 2] {
+        let frame = at.frame();
+        let local = |layers: &dyn Fn(Vec3, Vec3) -> [LobeValue; 2]| {
+            let wo = frame.to_local(at.wo);
+            if wo.z > 0.0 { layers(wo, frame.to_local(wi)) } else { Default::default() }
+        };
+        match self {
+            Self::Plastic(plastic) => local(&|wo, wi| plastic.lobes(wo, wi)),
+            Self::Coated(coated) => local(&|wo, wi| coated.lobes(wo, wi)),
+            Self::Glossy(glossy) => local(&|wo, wi| glossy.lobes(wo, wi)),
+            _ => [Lobe::Diffuse, Lobe::Rough].map(|lobe| {
+                let value = self.eval_lobe(lobe, at, wi);
+                LobeValue { value, pdf_w: self.pdf_w(lobe, at, wi) }
+            }),
         }
     }
 

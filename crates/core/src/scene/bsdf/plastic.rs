@@ -36,7 +36,8 @@ pub struct Plastic {
     coat: CoatMeans,
 }
 
-/// Number of Chebyshev coefficients of the transmittance. They reproduce it within 1e-3.
+/// Number of coefficients of the transmittance. A Chebyshev series of them reproduces it within
+/// 1e-3.
 const COEFFICIENTS: usize = 12;
 /// Cosines at which the transmittance is integrated, in the steps of Mitsuba's tables.
 const COSINES: usize = 64;
@@ -48,7 +49,7 @@ const FACETS_INSIDE: u16 = 64;
 /// Integrals over the facets of a coat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct CoatMeans {
-    /// Chebyshev coefficients of the transmittance from outside over `2 cos - 1`. Unused if the
+    /// Coefficients of the powers of `2 cos - 1` in the transmittance from outside. Unused if the
     /// coat is smooth.
     transmittance: [f32; COEFFICIENTS],
     /// Mean transmittance of diffuse light from outside.
@@ -79,7 +80,7 @@ impl CoatMeans {
             scattered_share(facets, cosine(i), 1.0 / eta, FACETS_INSIDE, false)
         });
         Self {
-            transmittance: chebyshev(&transmittance),
+            transmittance: powers(&chebyshev(&transmittance)),
             mean_transmittance: mean(transmittance),
             inside: mean(reflectance),
         }
@@ -114,7 +115,7 @@ fn scattered_share(facets: &Facets, cos: f32, eta: f32, steps: u16, transmits: b
 
 /// Coefficients of the Chebyshev series in `2 x - 1` that interpolates equidistant values of [0, 1]
 /// linearly.
-fn chebyshev(values: &[f32; COSINES]) -> [f32; COEFFICIENTS] {
+fn chebyshev(values: &[f32; COSINES]) -> [f64; COEFFICIENTS] {
     /// Nodes of the transform.
     const NODES: usize = 256;
     let angle = |node: usize| std::f64::consts::PI * (node as f64 + 0.5) / NODES as f64;
@@ -127,8 +128,28 @@ fn chebyshev(values: &[f32; COSINES]) -> [f32; COEFFICIENTS] {
     std::array::from_fn(|k| {
         let sum: f64 = (0..NODES).map(|node| at(node) * (k as f64 * angle(node)).cos()).sum();
         let halved = if k == 0 { 1.0 } else { 2.0 };
-        (halved * sum / NODES as f64) as f32
+        halved * sum / NODES as f64
     })
+}
+
+/// Coefficients of the powers of `x` in a Chebyshev series. They are at most some hundred times as
+/// large, so that single precision keeps five digits.
+fn powers(series: &[f64; COEFFICIENTS]) -> [f32; COEFFICIENTS] {
+    let mut sum = [0.0; COEFFICIENTS];
+    let (mut before, mut own) = ([0.0; COEFFICIENTS], [0.0; COEFFICIENTS]);
+    (before[1], own[0]) = (1.0, 1.0); // T_-1 = T_1, T_0
+    for coefficient in series {
+        for (sum, power) in sum.iter_mut().zip(own) {
+            *sum += coefficient * power;
+        }
+        // T_(k+1) = 2 x T_k - T_(k-1)
+        let next = std::array::from_fn(|k| match k {
+            0 => -before[0],
+            _ => 2.0 * own[k - 1] - before[k],
+        });
+        (before, own) = (own, next);
+    }
+    sum.map(|coefficient| coefficient as f32)
 }
 
 impl Plastic {
@@ -191,14 +212,15 @@ impl Plastic {
         if self.facets.alpha == 0.0 {
             return 1.0 - fresnel::dielectric(cos, self.eta).0;
         }
-        // Clenshaw's recurrence
-        let x = 2.0 * (2.0 * cos - 1.0);
-        let [first, rest @ ..] = &self.coat.transmittance;
-        let (mut last, mut before) = (0.0, 0.0);
-        for coefficient in rest.iter().rev() {
-            (last, before) = (coefficient + x * last - before, last);
-        }
-        (first + 0.5 * x * last - before).clamp(0.0, 1.0)
+        // Estrin's scheme: most terms do not wait for each other.
+        let [a, b, c, d, e, f, g, h, i, j, k, l] = self.coat.transmittance;
+        let x = 2.0 * cos - 1.0;
+        let x2 = x * x;
+        let x4 = x2 * x2;
+        let low = (a + b * x) + (c + d * x) * x2;
+        let middle = (e + f * x) + (g + h * x) * x2;
+        let high = (i + j * x) + (k + l * x) * x2;
+        (low + (middle + high * x4) * x4).clamp(0.0, 1.0)
     }
 }
 
@@ -224,16 +246,21 @@ impl CoatOverBase for Plastic {
         self.tint * fresnel::dielectric(cos, self.eta).0
     }
 
-    /// theory.md (31a), (97).
     fn eval_coat(&self, wo: Vec3, wi: Vec3) -> Rgb {
-        let m = (wo + wi).normalize();
-        let once = self.facets.d(m) * self.facets.g2(wo, wi) / (4.0 * wo.z * wi.z);
-        self.tint * (fresnel::dielectric(wo.dot(m), self.eta).0 * once)
+        self.coat(wo, wi).0
     }
 
     fn coat_pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
         let m = (wo + wi).normalize();
         self.facets.g1(wo) * self.facets.d(m) / (4.0 * wo.z)
+    }
+
+    /// theory.md (31a), (97).
+    fn coat(&self, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
+        let m = (wo + wi).normalize();
+        let d = self.facets.d(m) / (4.0 * wo.z);
+        let value = fresnel::dielectric(wo.dot(m), self.eta).0 * d * self.facets.g2(wo, wi) / wi.z;
+        (self.tint * value, self.facets.g1(wo) * d)
     }
 
     fn sample_coat(&self, wo: Vec3, rng: &mut Rng) -> Vec3 {

@@ -19,6 +19,7 @@ pub(super) trait Outcome {
 }
 
 /// A random choice of an outcome.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Choice {
     pub index: usize,
     /// Length of the outcome's interval, units.
@@ -59,16 +60,45 @@ impl Cutpoints {
     /// 1).
     #[inline]
     pub(super) fn choose<T: Outcome>(&self, distribution: usize, outcomes: &[T], u: f64) -> Choice {
+        self.bucket(distribution, u).choose(outcomes)
+    }
+
+    /// The bucket of a number `u` of [0, 1) in the distribution with the index `distribution`.
+    #[inline]
+    pub(super) fn bucket(&self, distribution: usize, u: f64) -> Bucket {
         let units = (u * f64::from(UNITS)).min(f64::from(UNITS) - 0.5);
-        let whole = units as u32;
         let buckets = 1 << self.log_buckets;
-        let bucket = (u64::from(whole) << self.log_buckets >> 32) as usize;
+        let bucket = (u64::from(units as u32) << self.log_buckets >> 32) as usize;
         let at = distribution * (buckets + 1) + bucket;
-        let [first, last] = [self.first[at], self.first[at + 1]].map(|index| index as usize);
+        Bucket { first: self.first[at], last: self.first[at + 1], units }
+    }
+}
+
+/// A number in a bucket of a distribution.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Bucket {
+    /// The first and the last outcome that meet the bucket.
+    first: u32,
+    last: u32,
+    /// The number, units.
+    units: f64,
+}
+
+impl Bucket {
+    /// The first outcome that meets the bucket.
+    #[inline]
+    pub(super) fn first(&self) -> usize {
+        self.first as usize
+    }
+
+    /// The outcome of the number.
+    #[inline]
+    pub(super) fn choose<T: Outcome>(&self, outcomes: &[T]) -> Choice {
+        let (first, last, whole) = (self.first as usize, self.last as usize, self.units as u32);
         let index = first + outcomes[first..last].partition_point(|one| one.end() <= whole);
         let begin = if index == 0 { 0 } else { outcomes[index - 1].end() };
         let length = outcomes[index].end() - begin;
-        let rest = ((units - f64::from(begin)) / f64::from(length)).clamp(0.0, 1.0);
+        let rest = ((self.units - f64::from(begin)) / f64::from(length)).clamp(0.0, 1.0);
         Choice { index, units: length, rest }
     }
 }

@@ -1,9 +1,10 @@
 //! The environment: a map of radiance over directions, importance sampled.
 
-use super::cutpoints::{Choice, Cutpoints, Outcome, UNITS, interval_ends};
+use super::cutpoints::{Bucket, Choice, Cutpoints, Outcome, UNITS, interval_ends};
 use super::{Emission, LightSample, below_one};
 use crate::base::math::{Bounds, Rgb, luminance, uniform_disc, uniform_disc_inverse};
 use crate::base::rng::Rng;
+use crate::simd::LANES;
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 use std::f32::consts::{PI, TAU};
@@ -69,7 +70,7 @@ impl InsetGrid {
 
 /// Regions of a map across and down: equal intervals of the numbers that sample it, hence of equal
 /// power.
-const REGIONS_ACROSS: usize = 8;
+pub(super) const REGIONS_ACROSS: usize = 16;
 
 /// Number of regions of a map.
 pub(super) const REGIONS: usize = REGIONS_ACROSS * REGIONS_ACROSS;
@@ -117,6 +118,30 @@ struct Row {
     /// The reciprocal of the density in solid angle of a pixel's directions, sr, times the pixel's
     /// units. Infinite for a row without light.
     inverse_pdf_w: f32,
+}
+
+/// A direction that was drawn in proportion to the luminance.
+#[derive(Clone, Copy, Debug, Default)]
+struct EnvironmentSample {
+    /// Unit vector toward the environment.
+    direction: Vec3,
+    /// Radiance from there over the density, W/m^2.
+    irradiance: Rgb,
+    /// One over the density in solid angle, sr.
+    inverse_pdf_w: f32,
+}
+
+/// A direction of which the row is chosen, and a few pixels that may be chosen.
+#[derive(Clone, Copy, Debug, Default)]
+struct Draft {
+    /// Index in [`Environment::rows`].
+    row: usize,
+    /// Position down the row, in [0, 1].
+    down: f32,
+    /// Index of the row's first pixel, and the number of its pixels.
+    first: usize,
+    width: usize,
+    bucket: Bucket,
 }
 
 impl Outcome for Pixel {
@@ -392,24 +417,52 @@ impl Environment {
     }
 
     /// A direction in proportion to the luminance, from two uniform numbers: latitude and longitude
-    /// increase with them. Also returns the radiance from there over the density, W/m^2, and one
-    /// over the density, sr. theory.md (15).
-    fn sample(&self, [u, v]: [f64; 2]) -> (Vec3, Rgb, f32) {
-        let Choice { index: row, rest: v, .. } = self.row_cutpoints.choose(0, &self.rows, v);
-        let Row { edges: [above, below], inverse_pdf_w, .. } = self.rows[row];
+    /// increase with them. theory.md (15).
+    fn sample(&self, numbers: [f64; 2]) -> EnvironmentSample {
+        self.finish(&self.draft(numbers))
+    }
+
+    /// [`Self::sample`] for each pair of `numbers`, at most [`LANES`]. Maps are larger than the
+    /// caches. Waiting for all cutpoints together, then for all pixels together, costs little more
+    /// than waiting for one of them.
+    fn sample_each(&self, numbers: &[[f64; 2]], samples: &mut [EnvironmentSample]) {
+        let mut drafts = [Draft::default(); LANES];
+        let drafts = &mut drafts[..numbers.len()];
+        for (draft, &numbers) in drafts.iter_mut().zip(numbers) {
+            *draft = self.draft(numbers);
+        }
+        let pixels = drafts.iter().map(|draft| &self.pixels[draft.first + draft.bucket.first()]);
+        std::hint::black_box(pixels.fold(0, |all, pixel| all | pixel.end));
+        for (draft, sample) in drafts.iter().zip(samples) {
+            *sample = self.finish(draft);
+        }
+    }
+
+    /// Chooses a row and a bucket of its pixels.
+    #[inline]
+    fn draft(&self, [u, v]: [f64; 2]) -> Draft {
+        let Choice { index: row, rest: down, .. } = self.row_cutpoints.choose(0, &self.rows, v);
         let (cutpoints, own_row, first, width) = self.own_pixels(row);
-        let pixels = &self.pixels[first..][..width];
-        let Choice { index: column, units, rest: u } = cutpoints.choose(own_row, pixels, u);
+        Draft { row, down: down as f32, first, width, bucket: cutpoints.bucket(own_row, u) }
+    }
+
+    /// Chooses the pixel and the direction.
+    #[inline]
+    fn finish(&self, draft: &Draft) -> EnvironmentSample {
+        let Row { edges: [above, below], inverse_pdf_w, .. } = self.rows[draft.row];
+        let pixels = &self.pixels[draft.first..][..draft.width];
+        let Choice { index: column, units, rest: u } = draft.bucket.choose(pixels);
         // Uniform in solid angle: in longitude and in the cosine.
-        let y = above + v as f32 * (below - above);
-        let [begin, pixels_around] = self.longitudes(row);
+        let y = above + draft.down * (below - above);
+        let [begin, pixels_around] = self.longitudes(draft.row);
         let around = begin + (column as f32 + u as f32) / pixels_around;
         let longitude = TAU * (around - 0.5 - self.turn);
         let across = (1.0 - y * y).max(0.0).sqrt();
         let (sin, cos) = longitude.sin_cos();
         let direction = Vec3::new(across * sin, y, -across * cos);
         let inverse_pdf_w = inverse_pdf_w / units as f32;
-        (direction, pixels[column].radiance * inverse_pdf_w, inverse_pdf_w)
+        let irradiance = pixels[column].radiance * inverse_pdf_w;
+        EnvironmentSample { direction, irradiance, inverse_pdf_w }
     }
 
     /// Cutpoints of a row, its index in them, and its first pixel and number of pixels.
@@ -429,11 +482,11 @@ impl Environment {
     /// Starts a light path from four uniform numbers; the environment was chosen with probability
     /// `prob`.
     pub(super) fn emit(&self, prob: f32, [a, b, c, d]: [f64; 4]) -> Emission {
-        let (toward, radiance, _) = self.sample([a, b]);
+        let EnvironmentSample { direction: toward, irradiance, .. } = self.sample([a, b]);
         let [u, v] = uniform_disc([c, d].map(below_one));
         let (right, up) = toward.any_orthonormal_pair();
         let origin = self.center + self.radius * (u * right + v * up + toward);
-        Emission { origin, direction: -toward, flux: radiance * (self.disc() / prob) }
+        Emission { origin, direction: -toward, flux: irradiance * (self.disc() / prob) }
     }
 
     /// Inverse of [`Self::emit`]: the numbers that give a light path along the ray through `point`.
@@ -446,35 +499,36 @@ impl Environment {
         [a, b, c, d]
     }
 
-    /// A direction to connect `position` with; the environment was chosen with probability `prob`.
-    pub(super) fn connect(&self, position: Vec3, prob: f32, rng: &mut Rng) -> LightSample {
-        self.connect_from([rng.next_f64(), rng.next_f64()], position, prob)
-    }
-
-    /// A direction of a region to connect `position` with. `prob` is the density of the choice of
-    /// the environment and the region, relative to that of regions in proportion to their power.
-    pub(super) fn connect_in(
-        &self,
-        region: usize,
-        position: Vec3,
-        prob: f32,
-        rng: &mut Rng,
-    ) -> LightSample {
+    /// The numbers for a direction to connect with: anywhere, or in a region.
+    pub(super) fn connection_numbers(region: Option<usize>, rng: &mut Rng) -> [f64; 2] {
+        let Some(region) = region else { return [rng.next_f64(), rng.next_f64()] };
         let corner = [region % REGIONS_ACROSS, region / REGIONS_ACROSS];
-        let at = corner.map(|corner| (corner as f64 + rng.next_f64()) / REGIONS_ACROSS as f64);
-        self.connect_from(at, position, prob)
+        corner.map(|corner| (corner as f64 + rng.next_f64()) / REGIONS_ACROSS as f64)
     }
 
-    fn connect_from(&self, at: [f64; 2], position: Vec3, prob: f32) -> LightSample {
-        let (wi, irradiance, inverse_pdf_w) = self.sample(at);
-        // Outside the sphere around the scene, for any position in it.
-        let distance = 2.0 * self.radius + (position - self.center).length();
-        LightSample {
-            target: position + distance * wi,
-            wi,
-            irradiance: irradiance / prob,
-            relative: 1.0,
-            inverse_pdf_w: inverse_pdf_w / prob,
+    /// Directions to connect `receivers` with, at most [`LANES`], by [`Self::connection_numbers`].
+    /// `probs` are the densities of the choices of the environment and the region, relative to that
+    /// of regions in proportion to their power.
+    pub(super) fn connect_each(
+        &self,
+        numbers: &[[f64; 2]],
+        probs: &[f32],
+        positions: &[Vec3],
+        samples: &mut [LightSample],
+    ) {
+        let mut drawn = [EnvironmentSample::default(); LANES];
+        self.sample_each(numbers, &mut drawn);
+        for (i, sample) in samples.iter_mut().enumerate() {
+            let EnvironmentSample { direction: wi, irradiance, inverse_pdf_w } = drawn[i];
+            // Outside the sphere around the scene, for any position in it.
+            let distance = 2.0 * self.radius + (positions[i] - self.center).length();
+            *sample = LightSample {
+                target: positions[i] + distance * wi,
+                wi,
+                irradiance: irradiance / probs[i],
+                relative: 1.0,
+                inverse_pdf_w: inverse_pdf_w / probs[i],
+            };
         }
     }
 }

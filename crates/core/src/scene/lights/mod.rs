@@ -11,6 +11,7 @@ pub mod guide;
 pub mod intensity;
 pub mod luminaire;
 pub(crate) mod packets;
+mod regions;
 mod solid_angle;
 mod tree_build;
 pub(crate) mod textured_emitter;
@@ -19,6 +20,7 @@ pub mod visibility;
 
 use crate::base::math::{Rgb, luminance};
 use crate::base::rng::Rng;
+use crate::simd::LANES;
 use emitter::Emitter;
 use environment::{Environment, Sight};
 use glam::Vec3;
@@ -54,8 +56,31 @@ fn below_one(u: f64) -> f32 {
     (u as f32).min(1.0f32.next_down())
 }
 
-/// A point on a light, as seen from a vertex.
+/// A light that was chosen for a receiver, by its index. The environment has the index after the
+/// last emitter.
 #[derive(Clone, Copy, Debug)]
+pub(super) struct ChosenLight {
+    pub index: usize,
+    /// Probability of the choice.
+    pub prob: f32,
+    pub at: Receiver,
+}
+
+/// Receivers that connect with the environment.
+#[derive(Default)]
+struct Skies {
+    count: usize,
+    /// Their numbers among all receivers.
+    receivers: [usize; LANES],
+    positions: [Vec3; LANES],
+    /// Densities of the choice of the environment and the region; see
+    /// [`Environment::connect_each`].
+    probs: [f32; LANES],
+    numbers: [[f64; 2]; LANES],
+}
+
+/// A point on a light, as seen from a vertex.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct LightSample {
     /// Target of the shadow ray, already off the light's surface.
     pub target: Vec3,
@@ -260,7 +285,7 @@ impl Lights {
     /// Chooses a point on a light to connect `at` with; `None` if that point cannot light it.
     pub fn connect(&self, at: Receiver, rng: &mut Rng) -> Option<LightSample> {
         let (index, prob) = self.by_estimate.choose(at, rng.next_f64())?;
-        self.connect_chosen(index, prob, at, rng)
+        self.connect_chosen(ChosenLight { index, prob, at }, rng)
     }
 
     /// Ratio of the density of connections to that of emission, per area, of the light with this
@@ -351,7 +376,23 @@ impl Lights {
     #[inline(never)] // rare
     pub fn connect_delta(&self, at: Receiver, rng: &mut Rng) -> Option<LightSample> {
         let (index, prob) = self.delta_by_estimate.choose(at, rng.next_f64())?;
-        self.connect_chosen(index, prob, at, rng)
+        self.connect_chosen(ChosenLight { index, prob, at }, rng)
+    }
+
+    /// [`Self::connect`] for each of at most [`LANES`] receivers, by its own generator. Together
+    /// they wait less for memory than one by one.
+    pub fn connect_each(
+        &self,
+        receivers: &[Receiver],
+        rngs: &mut [Rng],
+        samples: &mut [Option<LightSample>],
+    ) {
+        let mut chosen = [None; LANES];
+        for ((chosen, &at), rng) in chosen.iter_mut().zip(receivers).zip(rngs.iter_mut()) {
+            let choice = self.by_estimate.choose(at, rng.next_f64());
+            *chosen = choice.map(|(index, prob)| ChosenLight { index, prob, at });
+        }
+        self.connect_each_chosen(&chosen[..receivers.len()], rngs, samples);
     }
 
     /// [`Self::connect`] with a light chosen by its power alone: a simple check of choices by
@@ -361,34 +402,74 @@ impl Lights {
     /// If there are no lights.
     pub fn connect_by_power(&self, position: Vec3, rng: &mut Rng) -> Option<LightSample> {
         let (index, prob) = self.by_power.choose(rng.next_f64());
-        self.connect_chosen(index, prob, Receiver { position, normal: None }, rng)
+        let at = Receiver { position, normal: None };
+        self.connect_chosen(ChosenLight { index, prob, at }, rng)
     }
 
     #[inline(never)] // point lights do not call it: see `connect_all`
-    pub(super) fn connect_chosen(
-        &self,
-        index: usize,
-        prob: f32,
-        at: Receiver,
-        rng: &mut Rng,
-    ) -> Option<LightSample> {
-        let sample = match self.emitters.get(index) {
-            Some(emitter) => emitter.connect(at.position, prob, rng)?,
-            None => self.connect_environment(prob, at, rng)?,
-        };
-        Some(LightSample {
-            relative: sample.relative / self.guide_density(index, [sample.target, -sample.wi]),
-            ..sample
-        })
+    fn connect_chosen(&self, chosen: ChosenLight, rng: &mut Rng) -> Option<LightSample> {
+        let mut samples = [None];
+        self.connect_each_chosen(&[Some(chosen)], std::slice::from_mut(rng), &mut samples);
+        samples[0]
     }
 
-    fn connect_environment(&self, prob: f32, at: Receiver, rng: &mut Rng) -> Option<LightSample> {
-        let map = self.chosen_environment();
-        if !self.by_estimate.has_regions() {
-            return Some(map.connect(at.position, prob, rng));
+    /// Chooses points on the chosen lights, at most [`LANES`], to connect their receivers with,
+    /// each by its own generator; `None` where the point cannot light the receiver.
+    pub(super) fn connect_each_chosen(
+        &self,
+        chosen: &[Option<ChosenLight>],
+        rngs: &mut [Rng],
+        samples: &mut [Option<LightSample>],
+    ) {
+        let mut skies = Skies::default();
+        for (number, (chosen, rng)) in chosen.iter().zip(rngs).enumerate() {
+            samples[number] = None;
+            let Some(ChosenLight { index, prob, at }) = *chosen else { continue };
+            match self.emitters.get(index) {
+                Some(emitter) => samples[number] = emitter.connect(at.position, prob, rng),
+                None => self.choose_sky(number, prob, at, rng, &mut skies),
+            }
         }
-        let (region, density) = self.by_estimate.choose_region(at, rng.next_f64())?;
-        Some(map.connect_in(region, at.position, prob * density, rng))
+        self.connect_skies(&skies, samples);
+        if self.has_weighted_guide() {
+            for (sample, chosen) in samples.iter_mut().zip(chosen) {
+                if let (Some(sample), Some(chosen)) = (sample, chosen) {
+                    let ray = [sample.target, -sample.wi];
+                    sample.relative /= self.guide_density(chosen.index, ray);
+                }
+            }
+        }
+    }
+
+    /// Adds the numbers of a direction toward the environment for the receiver of this number.
+    fn choose_sky(&self, number: usize, prob: f32, at: Receiver, rng: &mut Rng, skies: &mut Skies) {
+        let (region, density) = if self.by_estimate.has_regions() {
+            let u = rng.next_f64();
+            let Some((region, density)) = self.by_estimate.choose_region(at, u) else { return };
+            (Some(region), density)
+        } else {
+            (None, 1.0)
+        };
+        let own = skies.count;
+        skies.receivers[own] = number;
+        skies.positions[own] = at.position;
+        skies.probs[own] = prob * density;
+        skies.numbers[own] = Environment::connection_numbers(region, rng);
+        skies.count += 1;
+    }
+
+    fn connect_skies(&self, skies: &Skies, samples: &mut [Option<LightSample>]) {
+        let count = skies.count;
+        if count == 0 {
+            return;
+        }
+        let mut own = [LightSample::default(); LANES];
+        let Skies { numbers, probs, positions, .. } = skies;
+        let map = self.chosen_environment();
+        map.connect_each(&numbers[..count], &probs[..count], positions, &mut own[..count]);
+        for (&number, own) in skies.receivers[..count].iter().zip(own) {
+            samples[number] = Some(own);
+        }
     }
 
     fn chosen_environment(&self) -> &Environment {

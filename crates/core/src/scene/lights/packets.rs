@@ -4,14 +4,15 @@
 
 use super::emitter::Emitter;
 use super::guide::Guide;
-use super::{Emission, PrimarySample, Receiver};
+use super::{ChosenLight, Emission, PrimarySample, Receiver};
 use crate::base::math::uniform_sphere;
-use crate::base::rng::{unit_f32, unit_f64};
+use crate::base::rng::{Rng, unit_f32, unit_f64};
 use crate::scene::Lights;
 use crate::scene::diffuse::DiffuseVertices;
 use crate::simd::sobol::DIMENSIONS;
 use crate::simd::{LANES, Rngs, Vec3s};
 use glam::Vec3;
+use std::array::from_fn;
 use std::f32::consts::PI;
 
 /// Starts of sixteen light paths; see [`Emission`].
@@ -161,9 +162,8 @@ impl Lights {
         let mut samples = LightSamples { relative: [1.0; LANES], ..LightSamples::default() };
         // Index and probability of the choice in lanes with point lights.
         let (mut points, mut probs) = ([NO_POINT; LANES], [1.0; LANES]);
-        // Lanes with other lights: lane, index and probability.
-        let mut others = [(0, 0, 0.0); LANES];
-        let mut other_count = 0;
+        // Lanes with other lights.
+        let mut others = [None; LANES];
         for lane in (0..LANES).filter(|&lane| at.active[lane]) {
             let (position, normal) = (at.position.get(lane), at.normal.get(lane));
             let choice = unit_f64(choices.map(|bits| bits[lane]));
@@ -175,26 +175,36 @@ impl Lights {
                 samples.irradiance.set(lane, *intensity);
                 (points[lane], probs[lane]) = (index as u32, prob);
             } else {
-                others[other_count] = (lane, index, prob);
-                other_count += 1;
+                others[lane] = Some(ChosenLight { index, prob, at: receiver });
             }
         }
         samples.reach_points(&at.position, &probs);
         self.guide_points(&points, &mut samples);
-        for &(lane, index, prob) in &others[..other_count] {
-            let mut rng = rngs.get(lane);
-            let (position, normal) = (at.position.get(lane), Some(at.normal.get(lane)));
-            let receiver = Receiver { position, normal };
-            if let Some(light) = self.connect_chosen(index, prob, receiver, &mut rng) {
+        self.connect_others(&others, rngs, &mut samples);
+        samples
+    }
+
+    /// Chooses points on the chosen lights.
+    #[inline(never)] // keeps the loop over vertices short
+    fn connect_others(
+        &self,
+        chosen: &[Option<ChosenLight>; LANES],
+        rngs: &mut Rngs,
+        samples: &mut LightSamples,
+    ) {
+        let mut own: [Rng; LANES] = from_fn(|lane| rngs.get(lane));
+        let mut lights = [None; LANES];
+        self.connect_each_chosen(chosen, &mut own, &mut lights);
+        for (lane, light) in lights.iter().enumerate() {
+            if let Some(light) = light {
                 samples.target.set(lane, light.target);
                 samples.wi.set(lane, light.wi);
                 samples.irradiance.set(lane, light.irradiance);
                 samples.relative[lane] = light.relative;
                 samples.inverse_pdf_w[lane] = light.inverse_pdf_w;
             }
-            rngs.set(lane, rng);
+            rngs.set(lane, own[lane]);
         }
-        samples
     }
 
     /// Divides the relative flux of light paths from point lights with these indices by their

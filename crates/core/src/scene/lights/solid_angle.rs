@@ -31,15 +31,15 @@ fn across(v: DVec3, axis: DVec3) -> DVec3 {
 }
 
 impl SphericalTriangle {
-    /// The spherical triangle if `shape` is near, compared with its longest edge; far ones do not
-    /// repay the effort.
+    /// The spherical triangle if `shape` is nearer than its longest edge: farther ones do not repay
+    /// the effort.
     #[inline]
     pub(super) fn if_near(shape: &Triangle, position: Vec3) -> Option<Self> {
         let Triangle { origin, edge1, edge2, .. } = *shape;
         let edges = [edge1, edge2, edge2 - edge1].map(Vec3::length_squared);
         let longest2 = edges[0].max(edges[1]).max(edges[2]);
         let to_center = origin + (edge1 + edge2) / 3.0 - position;
-        let is_near = to_center.length_squared() < 4.0 * longest2;
+        let is_near = to_center.length_squared() < longest2;
         is_near.then(|| Self::new(shape, position)).flatten()
     }
 

@@ -106,11 +106,14 @@ fn learned(mut lights: Lights) -> Lights {
         Receiver { position, normal: Some(normal) }
     };
     let receivers: Vec<Receiver> = (0..20_000).map(receiver).collect();
-    let test = |(&at, slot): (&Receiver, &u8)| {
-        let test = lights.visibility_test(*slot, at, &mut rng)?;
-        Some((test, rng.next_1d() < 0.3 + 0.1 * at.position.x))
-    };
-    let tests: Vec<_> = receivers.iter().zip(slots.iter().cycle()).filter_map(test).collect();
+    let mut tests = Vec::new();
+    for (&at, &slot) in receivers.iter().zip(slots.iter().cycle()) {
+        lights.add_visibility_tests(&[(slot, at)], std::slice::from_mut(&mut rng), &mut tests);
+    }
+    let tests: Vec<_> = tests
+        .into_iter()
+        .map(|test| (test, rng.next_1d() < 0.3 + 0.1 * test.at.position.x))
+        .collect();
     let visibility = Visibility::learn(&lights, &receivers, &tests);
     lights.set_visibility(Some(Arc::new(visibility)));
     lights
@@ -210,7 +213,7 @@ fn assert_reciprocal_densities(lights: &Lights) {
         let at = Receiver { position, normal: Some(normal) };
         let choice = lights.by_estimate.choose(at, rng.next_f64());
         let Some((index, prob)) = choice else { continue };
-        let Some(sample) = lights.connect_chosen(index, prob, at, &mut rng) else {
+        let Some(sample) = lights.connect_chosen(ChosenLight { index, prob, at }, &mut rng) else {
             continue;
         };
         let cos = sample.wi.dot(normal);

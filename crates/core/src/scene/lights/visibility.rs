@@ -2,14 +2,15 @@
 //! depends on the cluster and on the region of space.
 //!
 //! Space is a grid of cubic cells. A cell has a factor for each slot: a child of one of the first
-//! nodes of the light tree, a distant light, or a region of the environment. The probability of a
-//! choice is proportional to the estimate times the factor. It stays positive, so that no
-//! visibility changes a mean. theory.md (17a).
+//! nodes of the light tree or a distant light. The probability of a choice is proportional to the
+//! estimate times the factor. It stays positive, so that no visibility changes a mean. theory.md
+//! (17a).
 
-use super::environment::REGIONS;
+use super::regions::{RegionProbs, RegionVisibility};
 use super::tree_node::WIDE;
-use super::{LightSample, Lights, Receiver};
+use super::{ChosenLight, LightSample, Lights, Receiver};
 use crate::base::rng::Rng;
+use crate::simd::LANES;
 use glam::{UVec3, Vec3};
 
 /// Nodes of the tree whose children have factors.
@@ -29,20 +30,14 @@ const CELLS: f32 = 32.0;
 const BLOCK: u32 = 4;
 
 /// Tests that the visibility of the surrounding block, or of the whole scene, counts for.
-const PRIOR_TESTS: f32 = 3.0;
+pub(super) const PRIOR_TESTS: f32 = 3.0;
 
 /// Minimum factor: clusters that no test found visible are still chosen.
 const LEAST_FACTOR: f32 = 0.1;
 
-/// Share of choices of a region that goes evenly to all: light from a region that no test found
-/// visible then weighs at most four times as much as without learning.
-const EVEN_REGIONS: f32 = 0.25;
-
 /// Share of the receivers on each side of the grid, along each axis, that it leaves out: they use
 /// the cells at its border. Few receivers may be far from all others.
 const LEFT_OUT: f32 = 0.01;
-
-const _: () = assert!(REGIONS == SLOTS, "a cell has as many regions as slots");
 
 /// Slot of a child of a node.
 pub(super) fn node_slot(node: u32, child: u32) -> u8 {
@@ -88,48 +83,9 @@ impl Factors {
     }
 }
 
-/// Probabilities of the environment's regions at the receivers of one cell.
-#[derive(Clone, Copy, Debug)]
-#[repr(C, align(128))]
-pub(super) struct RegionProbs {
-    /// Upper end of the interval of each region; the last one is the number of all units.
-    ends: [u16; REGIONS],
-}
-
-impl RegionProbs {
-    /// Probabilities in proportion to `weights`, none of which is 0.
-    fn new(weights: &[f32; REGIONS]) -> Self {
-        let most = weights.iter().fold(0.0, |most: f32, &weight| most.max(weight));
-        let mut sum = 0;
-        // At most 64 times 1000 units
-        let ends = weights.map(|weight| {
-            sum += (1000.0 * weight / most).round().max(1.0) as u16;
-            sum
-        });
-        Self { ends }
-    }
-
-    /// Chooses a region by a uniform number; also returns its probability over its share of the
-    /// power.
-    #[inline]
-    pub fn choose(&self, u: f64) -> (usize, f32) {
-        let unit = (u * f64::from(self.ends[REGIONS - 1])) as u16;
-        let region = self.ends.partition_point(|&end| end <= unit).min(REGIONS - 1);
-        (region, self.density(region))
-    }
-
-    /// Probability of a region over its share of the power.
-    #[inline]
-    pub fn density(&self, region: usize) -> f32 {
-        let begin = if region == 0 { 0 } else { self.ends[region - 1] };
-        let all = f32::from(self.ends[REGIONS - 1]);
-        f32::from(self.ends[region] - begin) * REGIONS as f32 / all
-    }
-}
-
 /// A grid of cubic cells.
 #[derive(Clone, Copy, Debug)]
-struct Grid {
+pub(super) struct Grid {
     /// Corner of the first cell, scene units.
     low: Vec3,
     /// Side of a cell, scene units.
@@ -157,14 +113,14 @@ impl Grid {
         Self { low, side, count }
     }
 
-    fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.count.element_product() as usize
     }
 
     /// Index of the cell of a receiver. It is the cell half a side in front of the surface, so that
     /// both sides of a thin wall have different cells.
     #[inline]
-    fn cell(&self, at: Receiver) -> usize {
+    pub(super) fn cell(&self, at: Receiver) -> usize {
         let front = at.normal.map_or(Vec3::ZERO, |normal| 0.5 * self.side * normal);
         let cell = ((at.position + front - self.low) / self.side).max(Vec3::ZERO);
         let [x, y, z] = cell.as_uvec3().min(self.count - 1).to_array();
@@ -172,7 +128,7 @@ impl Grid {
     }
 
     /// Index of the block that contains a cell.
-    fn block(&self, cell: usize) -> usize {
+    pub(super) fn block(&self, cell: usize) -> usize {
         let (cell, blocks) = (cell as u32, self.count.map(|count| count.div_ceil(BLOCK)));
         let [x, y] = [cell % self.count.x, cell / self.count.x % self.count.y];
         let z = cell / self.count.x / self.count.y;
@@ -180,7 +136,7 @@ impl Grid {
         ((z * blocks.y + y) * blocks.x + x) as usize
     }
 
-    fn block_count(&self) -> usize {
+    pub(super) fn block_count(&self) -> usize {
         self.count.map(|count| count.div_ceil(BLOCK)).element_product() as usize
     }
 }
@@ -241,8 +197,8 @@ impl Counts {
 pub struct Visibility {
     grid: Grid,
     cells: Vec<Factors>,
-    /// Probabilities of the environment's regions in each cell; empty without an environment.
-    regions: Vec<RegionProbs>,
+    /// Regions of the environment, if there is one.
+    regions: Option<RegionVisibility>,
 }
 
 impl Visibility {
@@ -263,25 +219,21 @@ impl Visibility {
         let cell =
             |own: &[f32; SLOTS]| Factors::from_slots(|slot| rounded(own[slot].max(LEAST_FACTOR)));
         let mut cells: Vec<Factors> = learn(&grid, results).iter().map(cell).collect();
-        let mut regions = Vec::new();
-        if let Some(number) = lights.by_estimate.environment_number() {
+        let regions = lights.by_estimate.environment_number().map(|number| {
             // The second moment of connections with a region is in proportion to the squared
             // cosine.
             let results = tests.iter().filter_map(|(test, visible)| {
                 let result = if *visible { test.cos() * test.cos() } else { 0.0 };
-                Some((grid.cell(test.at), 1 << test.region?, result))
+                Some((grid.cell(test.at), test.region?, result))
             });
-            for (cell, own) in cells.iter_mut().zip(learn(&grid, results)) {
-                // theory.md (17c)
-                let mean = own.iter().sum::<f32>() / SLOTS as f32;
-                let even = EVEN_REGIONS * mean;
-                let weight = |factor: f32| even + (1.0 - EVEN_REGIONS) * factor;
-                regions.push(RegionProbs::new(&own.map(weight)));
+            let learned = RegionVisibility::learn(&grid, results);
+            for (index, cell) in cells.iter_mut().enumerate() {
                 if let Some(factor) = cell.0[0][1..].get_mut(number) {
-                    *factor = rounded(mean);
+                    *factor = rounded(learned.mean_factor(index));
                 }
             }
-        }
+            learned
+        });
         Self { grid, cells, regions }
     }
 
@@ -294,11 +246,11 @@ impl Visibility {
     /// Probabilities of the environment's regions at a receiver, if there is an environment.
     #[inline]
     pub(super) fn regions(&self, at: Receiver) -> Option<&RegionProbs> {
-        self.regions.get(self.grid.cell(at))
+        Some(self.regions.as_ref()?.at(self.grid.cell(at)))
     }
 
     pub(super) fn has_regions(&self) -> bool {
-        !self.regions.is_empty()
+        self.regions.is_some()
     }
 }
 
@@ -337,13 +289,29 @@ impl Lights {
         self.visibility_slots().into_iter().filter(|&slot| usize::from(slot) < WIDE).collect()
     }
 
-    /// Chooses a light of a slot to test its visibility from a vertex; `None` if it cannot light
-    /// the vertex.
-    pub fn visibility_test(&self, slot: u8, at: Receiver, rng: &mut Rng) -> Option<VisibilityTest> {
-        let (index, slots) = self.by_estimate.choose_in(slot, at, rng.next_f64())?;
-        let light = self.connect_chosen(index, 1.0, at, rng)?;
-        let is_environment = index == self.emitters.len();
-        let region = is_environment.then(|| self.chosen_environment().region(light.wi));
-        Some(VisibilityTest { at, light, slots, region })
+    /// For each of at most [`LANES`] pairs of a slot and a vertex, chooses a light of the slot to
+    /// test its visibility, by a generator of its own. Adds the tests to `tests`; lights that
+    /// cannot light the vertex need none.
+    pub fn add_visibility_tests(
+        &self,
+        places: &[(u8, Receiver)],
+        rngs: &mut [Rng],
+        tests: &mut Vec<VisibilityTest>,
+    ) {
+        let (mut chosen, mut slots) = ([None; LANES], [0; LANES]);
+        for (number, (&(slot, at), rng)) in places.iter().zip(rngs.iter_mut()).enumerate() {
+            if let Some((index, own)) = self.by_estimate.choose_in(slot, at, rng.next_f64()) {
+                chosen[number] = Some(ChosenLight { index, prob: 1.0, at });
+                slots[number] = own;
+            }
+        }
+        let mut samples = [None; LANES];
+        self.connect_each_chosen(&chosen[..places.len()], rngs, &mut samples[..places.len()]);
+        for (number, chosen) in chosen.iter().enumerate() {
+            let (Some(chosen), Some(light)) = (chosen, samples[number]) else { continue };
+            let is_environment = chosen.index == self.emitters.len();
+            let region = is_environment.then(|| self.chosen_environment().region(light.wi));
+            tests.push(VisibilityTest { at: chosen.at, light, slots: slots[number], region });
+        }
     }
 }

@@ -4,7 +4,7 @@
 use super::CameraPaths;
 use super::non_diffuse::PathVertex;
 use crate::base::math::{Rgb, luminance};
-use crate::scene::bsdf::{BsdfSample, Lobe};
+use crate::scene::bsdf::{BsdfSample, Lobe, LobeValue};
 use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
 use crate::scene::{LightSample, LightSamples, Lights, Receiver, Scene};
 use crate::simd::{LANES, Mask, Vec3s};
@@ -171,26 +171,30 @@ impl CameraPaths {
         }
     }
 
-    /// MIS weight of a connection from the lobes of one class at any vertex.
+    /// MIS weight of a connection from the lobes of one class at any vertex, which have these
+    /// values toward the light.
     pub(super) fn connection_weight(
         &self,
         lights: &Lights,
         vertex: &PathVertex,
-        lobe: Lobe,
+        (lobe, values): (Lobe, &LobeValue),
         light: &LightSample,
     ) -> f32 {
         let Some(mis) = self.mis else { return 1.0 };
-        let PathVertex { surface, state, .. } = *vertex;
+        let PathVertex { surface, at, state } = *vertex;
         let partial = &self.last_vertices[state.path as usize].partial;
         let directions = Directions { camera: surface.wo, light: light.wi };
+        let shading_cos = light.wi.dot(at.normal);
         let (camera, merges) = if lobe == Lobe::Rough {
-            let camera = directions.camera_rough(surface, mis.pass_choice(state.history.diffuse()));
+            let choice = mis.pass_choice(state.history.diffuse());
+            let camera = choice.rough_density_of(&surface.bsdf, at, values.pdf_w, shading_cos);
             let merges = mis.balance.caustic_merges(partial);
             (camera, if merges > 0.0 { merges * directions.light_rough(surface) } else { 0.0 })
         } else {
             let survival = mis.camera_survival(state.history.diffuse() + 1);
-            let camera = directions.camera_diffuse(surface, survival);
-            (camera, partial.arrive(directions.light_diffuse(surface)))
+            let camera = survival.density_of(values, shading_cos);
+            let merges = partial.arrive(1.0);
+            (camera, if merges > 0.0 { merges * directions.light_diffuse(surface) } else { 0.0 })
         };
         let cos = light.wi.dot(surface.normal).abs();
         let l = emission_over_connection(lights, light, cos);

@@ -14,15 +14,15 @@ use super::gather::{GatherPoints, GatherView};
 use super::light_paths::survival;
 use super::mis::Mis;
 use super::path_queue::{Columns, PathQueue};
-use super::path_state::{History, PathState, PathStates, at_other_surface};
+use super::path_state::{History, PathStates};
 use crate::accel::{Coherence, HitPacket, Intersect};
 use crate::base::math::Rgb;
 use crate::base::rng::{StreamKey, camera_path_index};
 use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
-use crate::scene::{HitScratch, MediumState, Scene, Surface, View};
+use crate::scene::{HitScratch, MediumState, Scene, View};
 use crate::settings::Settings;
 use crate::simd::dispatch::{Simd, vectorized};
-use crate::simd::{LANES, Mask, Vec3s, any, lanes_of};
+use crate::simd::{LANES, Mask, Vec3s, any};
 use bytemuck::{Pod, Zeroable};
 pub use medium::{MediumBeam, MediumPoint};
 use mis::LastVertex;
@@ -275,6 +275,7 @@ impl CameraPaths {
         self.next.clear();
         let (segments, mut all_hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
         let (mut states, mut seen, mut at) = <(PathStates, HitScratch, DiffuseVertices)>::default();
+        let mut others = Vec::with_capacity(LANES);
         for (packet, hits) in all_hits.iter_mut().enumerate() {
             let count = segments.load(packet, &mut states);
             let mut passed = 0;
@@ -287,21 +288,8 @@ impl CameraPaths {
             if rest.missed != 0 && pass.scene.lights().has_environment() {
                 self.add_environment(pass, &states, rest.missed);
             }
-            for lane in lanes_of(rest.others) {
-                let (ray, state) = states.get(lane);
-                let scatter =
-                    |surface: &Surface, state: PathState| self.scatter_other(pass, surface, state);
-                if let Some((ray, state)) = at_other_surface(
-                    pass.scene,
-                    &ray,
-                    &hits.get(lane),
-                    &mut at,
-                    lane,
-                    state,
-                    scatter,
-                ) {
-                    self.next.push_state(&ray, &state);
-                }
+            if rest.others != 0 {
+                self.scatter_others(pass, &states, hits, rest.others, &mut at, &mut others);
             }
             if self.records_aovs {
                 self.record_diffuse(pass, &at, &states);

@@ -1,15 +1,30 @@
 //! Camera paths that leave the scene, or hit surfaces that are not only diffuse: one at a time.
 
 use super::{CameraPass, CameraPaths, Connections};
-use crate::accel::Ray;
+use crate::accel::{HitPacket, Ray};
 use crate::base::math::Rgb;
-use crate::scene::bsdf::{Lobe, LobeSet, Transport, Vertex};
-use crate::scene::{LightSample, Scene, Surface};
+use crate::base::rng::Rng;
+use crate::scene::bsdf::{Lobe, LobeSet, LobeValue, Transport, Vertex};
+use crate::scene::diffuse::DiffuseVertices;
+use crate::scene::{LightSample, Receiver, Scene, Surface};
 use crate::simd::{LANES, Vec3s, lanes_of};
 use crate::transport::gather::{GatherPoint, GatherView};
 use crate::transport::light_paths::survival;
-use crate::transport::path_state::{PathState, PathStates};
+use crate::transport::path_state::{PathState, PathStates, other_surface};
 use glam::Vec3;
+
+/// A camera path at a surface that is not only diffuse.
+pub(super) struct Other<'a> {
+    surface: Surface<'a>,
+    state: PathState,
+}
+
+/// The lobes that connect with one light source.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Connected {
+    diffuse: bool,
+    rough: bool,
+}
 
 /// A vertex of a camera path.
 pub(super) struct PathVertex<'a> {
@@ -36,9 +51,38 @@ impl CameraPaths {
         }
     }
 
-    /// Handles a hit of a surface that is not only diffuse. Returns the next segment unless the
-    /// path ends.
-    pub(super) fn scatter_other(
+    /// Handles the hits of `lanes`. Surfaces that are Lambertian there set their lane of `at`. At
+    /// the others, paths connect, gather and continue: first all of one kind of work, so that they
+    /// wait for memory together.
+    #[inline(never)] // keeps the loop over Lambertian vertices short
+    pub(super) fn scatter_others<'a>(
+        &mut self,
+        pass: &CameraPass<'a>,
+        states: &PathStates,
+        hits: &HitPacket,
+        lanes: u32,
+        at: &mut DiffuseVertices,
+        others: &mut Vec<Other<'a>>,
+    ) {
+        others.clear();
+        pass.scene.read_ahead(hits, lanes);
+        for lane in lanes_of(lanes) {
+            let ((ray, mut state), hit) = (states.get(lane), hits.get(lane));
+            if let Some(surface) = other_surface(pass.scene, &ray, &hit, at, lane, &mut state) {
+                others.push(Other { surface, state });
+            }
+        }
+        self.connect_others(pass, others);
+        for Other { surface, state } in others {
+            if let Some((ray, state)) = self.scatter_other(pass, surface, *state) {
+                self.next.push_state(&ray, &state);
+            }
+        }
+    }
+
+    /// Handles a hit of a surface that is not only diffuse, but for its connections. Returns the
+    /// next segment unless the path ends.
+    fn scatter_other(
         &mut self,
         pass: &CameraPass,
         surface: &Surface,
@@ -59,7 +103,13 @@ impl CameraPaths {
         if self.records_aovs {
             self.record_other(pass, surface, &state, at.normal);
         }
-        let merges = self.at_other_vertex(pass, surface, &mut state);
+        let merges = surface.bsdf.merges();
+        if merges && pass.gathers_at(vertex) {
+            let (bsdf, interpolated) = (surface.bsdf, surface.interpolated);
+            self.views.push(GatherView { bsdf, at, interpolated });
+            let view = self.views.len() as u32 - 1;
+            self.gather(surface, &state, view);
+        }
         // A path that is cut here still takes lobes that pass through.
         let cut = merges && !pass.goes_on_from(vertex);
         let wanted = if cut { LobeSet::PassThrough } else { LobeSet::All };
@@ -89,68 +139,100 @@ impl CameraPaths {
         Some((Ray::new(surface.off_surface, sample.wi), state))
     }
 
-    /// Connects and gathers at a surface that is not only diffuse. Returns whether photons are
-    /// merged there.
-    fn at_other_vertex(
-        &mut self,
-        pass: &CameraPass,
-        surface: &Surface,
-        state: &mut PathState,
-    ) -> bool {
+    /// Connects all vertices. Both lobes of a vertex share a light source, and most of them a
+    /// shadow ray: sums of both are unbiased, too, and half as much work.
+    fn connect_others(&mut self, pass: &CameraPass, others: &mut [Other]) {
+        let mut receivers = [Receiver::default(); LANES];
+        let mut rngs = [Rng::default(); LANES];
+        let mut lobes = [(0, Connected::default()); LANES];
+        let mut count = 0;
+        for (number, Other { surface, state }) in others.iter().enumerate() {
+            let diffuse = surface.bsdf.merges() && pass.connects();
+            let connected =
+                Connected { diffuse, rough: surface.bsdf.has_rough() && self.mis.is_some() };
+            if connected != Connected::default() {
+                receivers[count] = surface.receiver();
+                rngs[count] = state.rng;
+                lobes[count] = (number, connected);
+                count += 1;
+            }
+        }
         let lights = pass.scene.lights();
-        let bsdf = &surface.bsdf;
-        let merges = bsdf.merges();
-        let at = surface.vertex(Transport::Radiance);
-        if merges && pass.connects() {
-            let light = lights.connect(surface.receiver(), &mut state.rng);
-            let vertex = PathVertex { surface, at: &at, state };
-            self.connect_lobe(pass.scene, &vertex, Lobe::Diffuse, light);
+        let mut samples = [None; LANES];
+        lights.connect_each(&receivers[..count], &mut rngs[..count], &mut samples[..count]);
+        for (i, &(number, connected)) in lobes[..count].iter().enumerate() {
+            let Other { surface, state } = &mut others[number];
+            state.rng = rngs[i];
+            self.connect_lobes(pass.scene, surface, state, connected, samples[i]);
         }
-        if bsdf.has_rough() && (state.history.diffuse() == 0 || self.mis.is_some()) {
-            // Delta lights cannot be hit. With MIS, connections share the other lights with hits.
-            // Without, photons contribute these paths after a diffuse vertex.
-            let light = if self.mis.is_some() {
-                lights.connect(surface.receiver(), &mut state.rng)
-            } else {
-                lights.connect_delta(surface.receiver(), &mut state.rng)
-            };
-            let vertex = PathVertex { surface, at: &at, state };
-            self.connect_lobe(pass.scene, &vertex, Lobe::Rough, light);
+        if self.mis.is_none() {
+            self.connect_delta_lights(pass, others);
         }
-        if merges && pass.gathers_at(state.history.diffuse() + 1) {
-            self.views.push(GatherView { bsdf: *bsdf, at, interpolated: surface.interpolated });
-            let view = self.views.len() as u32 - 1;
-            self.gather(surface, state, view);
-        }
-        merges
     }
 
-    /// Connects the lobes of one class with a light source, if one was sampled.
-    fn connect_lobe(
+    /// Without MIS, connects the rough lobes before the first diffuse vertex with lights that
+    /// cannot be hit. Others are hit, and photons contribute these paths after a diffuse vertex.
+    fn connect_delta_lights(&mut self, pass: &CameraPass, others: &mut [Other]) {
+        for Other { surface, state } in others {
+            if surface.bsdf.has_rough() && state.history.diffuse() == 0 {
+                let lights = pass.scene.lights();
+                let light = lights.connect_delta(surface.receiver(), &mut state.rng);
+                let connected = Connected { rough: true, diffuse: false };
+                self.connect_lobes(pass.scene, surface, state, connected, light);
+            }
+        }
+    }
+
+    /// Connects these lobes with a light source, if one was sampled.
+    fn connect_lobes(
         &mut self,
         scene: &Scene,
-        vertex: &PathVertex,
-        lobe: Lobe,
+        surface: &Surface,
+        state: &PathState,
+        connected: Connected,
         light: Option<LightSample>,
     ) {
-        let PathVertex { surface, at, state } = *vertex;
-        if let Some(light) = light
-            && surface.agrees(at, light.wi)
-        {
-            let value = surface.bsdf.eval_lobe(lobe, at, light.wi);
-            let cos_theta = light.wi.dot(at.normal).abs();
-            // theory.md (42), third and fourth line
-            let mut contribution = state.weight * value * light.irradiance * cos_theta;
-            if self.mis.is_some() {
-                contribution *= self.connection_weight(scene.lights(), vertex, lobe, &light);
-            }
-            let start = surface.start(light.wi);
-            let is_caustic = lobe == Lobe::Rough && state.history.diffuse() == 1;
-            let mark = if is_caustic { Connections::CAUSTIC } else { 0 };
-            let media = state.history.leaving(scene, surface, light.wi).media();
-            let path = Connections::path_in(state.path, media) | mark;
-            self.queue_shadow_ray(path, contribution, light.target, start);
+        let at = surface.vertex(Transport::Radiance);
+        let Some(light) = light else { return };
+        if !surface.agrees(&at, light.wi) {
+            return;
         }
+        let vertex = PathVertex { surface, at: &at, state };
+        let [diffuse, rough] = surface.bsdf.lobes(&at, light.wi);
+        let of = |lobe: Lobe, values: &LobeValue, is_connected: bool| {
+            if is_connected && values.value != Rgb::ZERO {
+                self.connection(scene, &vertex, (lobe, values), &light)
+            } else {
+                Rgb::ZERO
+            }
+        };
+        let mut sum = of(Lobe::Diffuse, &diffuse, connected.diffuse);
+        let rough = of(Lobe::Rough, &rough, connected.rough);
+        let start = surface.start(light.wi);
+        let media = state.history.leaving(scene, surface, light.wi).media();
+        let path = Connections::path_in(state.path, media);
+        if state.history.diffuse() == 1 {
+            // Apart from the other lobe: part of a caustic.
+            self.queue_shadow_ray(path | Connections::CAUSTIC, rough, light.target, start);
+        } else {
+            sum += rough;
+        }
+        self.queue_shadow_ray(path, sum, light.target, start);
+    }
+
+    /// The contribution of lobes of one class that are connected with a light source, if nothing
+    /// blocks it. theory.md (42), third and fourth line
+    fn connection(
+        &self,
+        scene: &Scene,
+        vertex: &PathVertex,
+        (lobe, values): (Lobe, &LobeValue),
+        light: &LightSample,
+    ) -> Rgb {
+        let PathVertex { at, state, .. } = *vertex;
+        let cos_theta = light.wi.dot(at.normal).abs();
+        let contribution = state.weight * values.value * light.irradiance * cos_theta;
+        contribution * self.connection_weight(scene.lights(), vertex, (lobe, values), light)
     }
 
     /// Stores a gather point with the BSDF in one of `views`.
@@ -181,6 +263,9 @@ impl CameraPaths {
         target: Vec3,
         off_surface: Vec3,
     ) {
+        if contribution == Rgb::ZERO {
+            return;
+        }
         self.shadow_rays.push(&Connections {
             origin: Vec3s::splat(target),
             direction: Vec3s::splat(off_surface - target),

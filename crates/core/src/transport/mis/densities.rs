@@ -2,8 +2,9 @@
 //! area measure at the next vertex then needs no cosines and distances, which cancel between both
 //! kinds of paths.
 
+use crate::base::math::Rgb;
 use crate::scene::Surface;
-use crate::scene::bsdf::{Bsdf, Lobe, Transport, Vertex};
+use crate::scene::bsdf::{Bsdf, Lobe, LobeValue, Transport, Vertex};
 use crate::transport::light_paths::MAX_SURVIVAL;
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
@@ -58,13 +59,23 @@ impl Survival {
         if let Some(albedo) = bsdf.diffuse_albedo(at.front) {
             return if cos > 0.0 { self.lambertian(albedo.max_element()) } else { MIN_DENSITY };
         }
-        let density = bsdf.pdf_w(Lobe::Diffuse, at, wi) / cos.abs().max(MIN_DENSITY);
-        let survives = if self == Self::Reflected {
+        let pdf_w = bsdf.pdf_w(Lobe::Diffuse, at, wi);
+        let value = match self {
+            Self::Reflected => bsdf.eval_lobe(Lobe::Diffuse, at, wi),
+            _ => Rgb::ZERO,
+        };
+        self.density_of(&LobeValue { value, pdf_w }, cos)
+    }
+
+    /// [`Self::density`] of lobes that are not Lambertian, from their value and density in a
+    /// direction of this cosine.
+    pub fn density_of(self, lobes: &LobeValue, cos: f32) -> f32 {
+        let density = lobes.pdf_w / cos.abs().max(MIN_DENSITY);
+        let survives = match self {
+            Self::Never => return 0.0,
             // The weight of the sample is the BSDF over the density.
-            let value = bsdf.eval_lobe(Lobe::Diffuse, at, wi).max_element();
-            (MAX_SURVIVAL * density).min(value)
-        } else {
-            density
+            Self::Reflected => (MAX_SURVIVAL * density).min(lobes.value.max_element()),
+            Self::Certain => density,
         };
         survives.max(MIN_DENSITY)
     }
@@ -82,8 +93,23 @@ pub enum PassChoice {
 /// Density of going on toward `wi` from a rough lobe.
 /// theory.md (47a)
 pub fn rough_density(bsdf: &Bsdf, at: &Vertex, wi: Vec3) -> f32 {
-    let density = bsdf.pdf_w(Lobe::Rough, at, wi) / wi.dot(at.normal).abs().max(MIN_DENSITY);
-    density.max(MIN_DENSITY)
+    rough_density_of(bsdf.pdf_w(Lobe::Rough, at, wi), wi.dot(at.normal))
+}
+
+/// [`rough_density`] from the density in solid angle of a direction of this cosine.
+fn rough_density_of(pdf_w: f32, cos: f32) -> f32 {
+    (pdf_w / cos.abs().max(MIN_DENSITY)).max(MIN_DENSITY)
+}
+
+impl PassChoice {
+    /// [`Directions::camera_rough`] from the density in solid angle of a direction of this cosine.
+    pub fn rough_density_of(self, bsdf: &Bsdf, at: &Vertex, pdf_w: f32, cos: f32) -> f32 {
+        let density = rough_density_of(pdf_w, cos);
+        match self {
+            Self::Free => density,
+            Self::Forced => density / bsdf.pass_prob(at).max(MIN_DENSITY),
+        }
+    }
 }
 
 impl Directions {
@@ -92,8 +118,8 @@ impl Directions {
     #[inline(never)] // rare
     pub fn light_over_camera(&self, surface: &Surface, lobe: Lobe, choice: PassChoice) -> f32 {
         let bsdf = &surface.bsdf;
-        let at_light = surface.seen_from(self.light).vertex(Transport::Flux);
-        let at_camera = surface.seen_from(self.camera).vertex(Transport::Radiance);
+        let at_light = surface.vertex_from(self.light, Transport::Flux);
+        let at_camera = surface.vertex_from(self.camera, Transport::Radiance);
         let chosen = match choice {
             PassChoice::Free => 1.0,
             PassChoice::Forced => bsdf.pass_prob(&at_camera).max(MIN_DENSITY),
@@ -112,31 +138,28 @@ impl Directions {
 
     /// Density with which a camera path goes on toward the light from a rough lobe of `surface`.
     pub fn camera_rough(&self, surface: &Surface, choice: PassChoice) -> f32 {
-        let at = surface.seen_from(self.camera).vertex(Transport::Radiance);
-        let density = rough_density(&surface.bsdf, &at, self.light);
-        match choice {
-            PassChoice::Free => density,
-            PassChoice::Forced => density / surface.bsdf.pass_prob(&at).max(MIN_DENSITY),
-        }
+        let at = surface.vertex_from(self.camera, Transport::Radiance);
+        let pdf_w = surface.bsdf.pdf_w(Lobe::Rough, &at, self.light);
+        choice.rough_density_of(&surface.bsdf, &at, pdf_w, self.light.dot(at.normal))
     }
 
     /// Density with which a light path goes on toward the camera from a rough lobe of `surface`.
     pub fn light_rough(&self, surface: &Surface) -> f32 {
-        let at = surface.seen_from(self.light).vertex(Transport::Flux);
+        let at = surface.vertex_from(self.light, Transport::Flux);
         rough_density(&surface.bsdf, &at, self.camera)
     }
 
     /// Density with which a light path goes on toward the camera from a lobe of `surface` that
     /// merges.
     pub fn light_diffuse(&self, surface: &Surface) -> f32 {
-        let at = surface.seen_from(self.light).vertex(Transport::Flux);
+        let at = surface.vertex_from(self.light, Transport::Flux);
         Survival::LIGHT.density(&surface.bsdf, &at, self.camera)
     }
 
     /// Density with which a camera path goes on toward the light from a lobe of `surface` that
     /// merges.
     pub fn camera_diffuse(&self, surface: &Surface, survival: Survival) -> f32 {
-        let at = surface.seen_from(self.camera).vertex(Transport::Radiance);
+        let at = surface.vertex_from(self.camera, Transport::Radiance);
         survival.density(&surface.bsdf, &at, self.light)
     }
 }
@@ -144,7 +167,7 @@ impl Directions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::math::{Rgb, uniform_sphere};
+    use crate::base::math::uniform_sphere;
     use crate::base::rng::{Rng, Stream, StreamKey};
     use crate::scene::Material;
     use crate::scene::bsdf::{
@@ -269,6 +292,32 @@ mod tests {
                     assert!((own / seen - 1.0).abs() < 1e-4, "{bsdf:?} {own} {seen}");
                 }
             }
+        }
+    }
+
+    /// Values of both classes together are those of each, also where both are computed at once.
+    #[test]
+    fn lobes_have_the_values_and_densities_of_their_classes() {
+        let mut rng = StreamKey::new(11, Stream::Test, 0).rng(0);
+        let close = |one: f32, other: f32| (one - other).abs() <= 1e-5 * one.abs().max(other.abs());
+        for bsdf in bsdfs() {
+            let material = Material::new("some", bsdf);
+            let mut positive = 0;
+            for _ in 0..500 {
+                let (camera, wi) = (direction(&mut rng), direction(&mut rng));
+                let at = surface(&material, camera, None).vertex(Transport::Radiance);
+                for (lobe, both) in
+                    [Lobe::Diffuse, Lobe::Rough].into_iter().zip(bsdf.lobes(&at, wi))
+                {
+                    let (value, pdf_w) = (bsdf.eval_lobe(lobe, &at, wi), bsdf.pdf_w(lobe, &at, wi));
+                    assert!(close(pdf_w, both.pdf_w), "{bsdf:?} {lobe:?} {pdf_w} {}", both.pdf_w);
+                    for channel in 0..3 {
+                        assert!(close(value[channel], both.value[channel]), "{bsdf:?} {lobe:?}");
+                    }
+                    positive += u32::from(value != Rgb::ZERO);
+                }
+            }
+            assert_eq!(positive > 0, bsdf.merges() || bsdf.has_rough(), "{bsdf:?}");
         }
     }
 

@@ -73,8 +73,10 @@ fn connections_with_a_region_lie_in_it() {
         let mut strayed = 0;
         for number in 0..20_000 {
             let region = number % REGIONS;
-            let sample = map.connect_in(region, Vec3::ONE, 1.0, &mut rng);
-            strayed += usize::from(map.region(sample.wi) != region);
+            let numbers = Environment::connection_numbers(Some(region), &mut rng);
+            let mut sample = [LightSample::default()];
+            map.connect_each(&[numbers], &[1.0], &[Vec3::ONE], &mut sample);
+            strayed += usize::from(map.region(sample[0].wi) != region);
         }
         // By rounding at their edges
         assert!(strayed < 20, "{}: {strayed}", map.turn);
@@ -89,7 +91,8 @@ fn sampled_directions_have_their_pixels_radiance() {
         let n = 100_000;
         let mut strayed = 0;
         for _ in 0..n {
-            let (direction, value, inverse_pdf_w) = map.sample([rng.next_f64(), rng.next_f64()]);
+            let sample = map.sample([rng.next_f64(), rng.next_f64()]);
+            let EnvironmentSample { direction, irradiance: value, inverse_pdf_w } = sample;
             let radiance = luminance(value) / inverse_pdf_w;
             assert!((direction.length() - 1.0).abs() < 1e-5);
             // In proportion to the luminance, which is therefore always the same.
@@ -118,7 +121,8 @@ fn sampled_pixels_and_densities_match_luminance_times_solid_angle() {
     let (n, mut counts) = (200_000, [0.0; 84]);
     let (mut sum, mut square, mut strayed) = (0.0, 0.0, 0);
     for _ in 0..n {
-        let (direction, _, inverse_pdf_w) = map.sample([rng.next_f64(), rng.next_f64()]);
+        let sample = map.sample([rng.next_f64(), rng.next_f64()]);
+        let EnvironmentSample { direction, inverse_pdf_w, .. } = sample;
         let at = map.locate(direction);
         let pixel = at.first + at.column;
         counts[pixel] += 1.0;
@@ -147,10 +151,10 @@ fn directions_increase_with_their_random_numbers() {
     let map = environment(0.0);
     let number = |i: u32| f64::from(i) / 1000.0;
     for u in [0.1, 0.6] {
-        let heights: Vec<f32> = (0..1000).map(|i| map.sample([u, number(i)]).0.y).collect();
+        let heights: Vec<f32> = (0..1000).map(|i| map.sample([u, number(i)]).direction.y).collect();
         assert!(heights.is_sorted_by(|one, next| one >= next));
         let longitude = |i: u32| {
-            let direction = map.sample([number(i), u]).0;
+            let direction = map.sample([number(i), u]).direction;
             direction.x.atan2(-direction.z)
         };
         let longitudes: Vec<f32> = (1..1000).map(longitude).collect();
@@ -167,7 +171,8 @@ fn maps_without_light_in_most_pixels_are_sampled_where_they_have_light() {
     let numbers = [0.0, 1e-12, 0.4, 1.0 - 1e-10, 1.0_f64.next_down(), 1.0];
     for u in numbers {
         for v in numbers {
-            let (direction, value, inverse_pdf_w) = map.sample([u, v]);
+            let EnvironmentSample { direction, irradiance: value, inverse_pdf_w } =
+                map.sample([u, v]);
             assert!(direction.is_finite() && value.is_finite());
             assert!(value.x > 0.0 && inverse_pdf_w > 0.0);
         }
@@ -229,7 +234,10 @@ fn light_paths_carry_the_power_through_the_sphere() {
         assert!((from_center.dot(direction) + map.radius).abs() < 1e-4);
         let axis = from_center - from_center.dot(direction) * direction;
         assert!(axis.length() <= map.radius * 1.0001);
-        let sample = map.connect(Vec3::splat(0.5), 0.25, &mut rng);
+        let numbers = Environment::connection_numbers(None, &mut rng);
+        let mut samples = [LightSample::default()];
+        map.connect_each(&[numbers], &[0.25], &[Vec3::splat(0.5)], &mut samples);
+        let [sample] = samples;
         assert!((sample.target - map.center).length() > map.radius);
     }
 }

@@ -1,0 +1,243 @@
+//! The phases of a job before its loop: plan -> prepare -> choose -> hand over.
+
+use super::audit::{Audit, AuditPace};
+use super::leader::Leader;
+use super::shard::ShardIterations;
+use super::state::{Exchanged, RenderState, RunClock, Status, Totals};
+use super::{Denoising, Event, Prepared, RenderJob, RenderResult, Start};
+use super::{check_time, iterate, near_layers, pilot_end};
+use crate::mpi::Ranks;
+use bdpm_auto::adaptive::stopping::Stop;
+use bdpm_auto::adaptive::technique;
+use bdpm_auto::adaptive::technique::{Revision, Selection};
+use bdpm_core::base::error::{Error, Result};
+use bdpm_core::render::{RenderConfig, Renderer};
+use bdpm_core::settings::{Settings, combinations};
+use std::ops::ControlFlow;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// A job between its phases.
+struct Run {
+    /// Scene, settings and threads.
+    prepared: Prepared,
+    is_automatic: bool,
+    /// The conditions of the loop: their time is without what follows it.
+    stop: Stop,
+    /// The iterations of the shard, if the job renders one.
+    iterations: Option<ShardIterations>,
+    denoising: Option<Denoising>,
+    /// Time for the caller's work after the render.
+    reserve: Duration,
+    config: RenderConfig,
+    selection: Option<Selection>,
+    revision: Option<Revision>,
+}
+
+impl RenderJob {
+    /// Renders as the only process, or as that which leads the others.
+    pub(super) fn lead(
+        mut self,
+        ranks: &dyn Ranks,
+        leader: &mut Option<Leader>,
+        observer: &mut impl FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<RenderResult> {
+        let start = self.started.unwrap_or_else(Instant::now);
+        if self.stop.time.is_some_and(|time| time.is_zero()) {
+            let advice = "give a time above 0, or a number of iterations";
+            return Err(Error::new("nothing can be rendered in a time of 0", advice));
+        }
+        let prepared = self.prepare()?;
+        if let Some(leader) = leader {
+            leader.check_workers(&prepared.provenance)?;
+        }
+        let mut run = self.planned_run(prepared, ranks, observer)?;
+        let mut renderer = self.first_renderer(&mut run, observer)?;
+        if run.is_automatic && matches!(self.start, Start::New) {
+            renderer = self.choose(&mut run, renderer, leader.is_none(), observer)?;
+        }
+        self.check_given_time(&run, observer)?;
+        let state = self.hand_over(run, renderer, leader, start)?;
+        iterate::run(state, leader, observer)
+    }
+
+    /// Divides the time, and checks what needs no renderer.
+    fn planned_run(
+        &mut self,
+        prepared: Prepared,
+        ranks: &dyn Ranks,
+        observer: &mut impl FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<Run> {
+        let Prepared { scene, threads, provenance, .. } = &prepared;
+        let settings = &provenance.settings;
+        let mut stop = self.stop_with_default();
+        combinations::check(&self.asked(scene, settings, ranks))?;
+        let iterations = self.shard_iterations(&stop)?;
+        if let Some(iterations) = &iterations {
+            stop.iterations = Some(iterations.assigned.count());
+        }
+        let mut denoising = None;
+        if self.denoise {
+            let threads = threads.current_num_threads();
+            denoising = Denoising::new(threads, settings.resolution(), &stop)?;
+            if denoising.is_none() {
+                self.leave_out_denoising("it would take too much of the time", observer);
+            }
+        }
+        let reserve = self.reserve_per_pixel * settings.pixels() as u32;
+        if let Some(time) = &mut stop.time {
+            let denoising = denoising.as_ref().map_or(Duration::ZERO, Denoising::reserve);
+            *time = time.saturating_sub(denoising).saturating_sub(reserve);
+        }
+        Ok(Run {
+            prepared,
+            is_automatic: self.is_automatic(),
+            stop,
+            iterations,
+            denoising,
+            reserve,
+            config: RenderConfig { ranks: ranks.count(), ..RenderConfig::default() },
+            selection: None,
+            revision: None,
+        })
+    }
+
+    /// The renderer of the settings before any choice.
+    fn first_renderer(
+        &self,
+        run: &mut Run,
+        observer: &mut impl FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<Renderer> {
+        let Prepared { scene, accel, threads, provenance, .. } = &mut run.prepared;
+        let has_choice = scene.lights().has_choice();
+        if run.is_automatic && has_choice && matches!(self.start, Start::New) {
+            provenance.settings.light_visibility =
+                self.visibility_rays(scene, &provenance.settings, run.stop.time);
+        }
+        let new = || {
+            Renderer::new(scene, accel, provenance.settings.clone())
+                .map(|new| new.interrupted_by(Arc::clone(&self.interrupt)))
+        };
+        let renderer = threads.install(new)?.configure(run.config)?;
+        if let Some(warning) = near_layers::warning(scene, &**accel, &provenance.settings) {
+            let _ = observer(Event::Warning(warning));
+        }
+        Ok(renderer)
+    }
+
+    /// Lets the pilot choose settings, and returns their renderer.
+    fn choose(
+        &mut self,
+        run: &mut Run,
+        renderer: Renderer,
+        is_alone: bool,
+        observer: &mut impl FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<Renderer> {
+        let free = self.chosen_parameters();
+        let Prepared { threads, provenance, .. } = &mut run.prepared;
+        let _ = observer(Event::Choosing(free, provenance));
+        let (chosen, may_revise) =
+            threads.install(|| technique::choose(&renderer, free, pilot_end(&run.stop)))?;
+        // Workers know only the settings of the start.
+        run.revision = (free.any() && is_alone).then_some(may_revise);
+        provenance.settings = chosen.apply(&provenance.settings);
+        run.stop = run.stop.with_pilot_bias2(chosen.best().bias.powi(2));
+        let noise = chosen.best().noise;
+        if let (Some(time), Some(unused)) = (&mut run.stop.time, &run.denoising)
+            && !unused.can_pay(noise)
+        {
+            *time += unused.reserve();
+            run.denoising = None;
+            let reason = format!("the noise will be {:.1} % without it", 100.0 * noise);
+            self.leave_out_denoising(&reason, observer);
+        }
+        let settings = provenance.settings.clone();
+        let renderer = threads.install(|| renderer.with_settings(settings))?;
+        run.selection = Some(chosen);
+        Ok(renderer)
+    }
+
+    /// Renders the raw image, since denoising does not pay.
+    fn leave_out_denoising(
+        &mut self,
+        reason: &str,
+        observer: &mut impl FnMut(Event) -> ControlFlow<()>,
+    ) {
+        self.denoise = false;
+        let _ = observer(Event::Warning(format!("the image will not be denoised: {reason}")));
+    }
+
+    /// Checks that the first iterations fit in the time, if they are fixed.
+    fn check_given_time(
+        &self,
+        run: &Run,
+        observer: &mut impl FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<()> {
+        let Prepared { scene, accel, threads, provenance, .. } = &run.prepared;
+        let (Some(time), Some(counts)) = (self.stop.time, self.fixed_counts(provenance)) else {
+            return Ok(());
+        };
+        let needed = (self.min_iterations, &counts);
+        let check = || check_time(scene, accel, &provenance.settings, time, needed);
+        if let Some(warning) = threads.install(check)? {
+            let _ = observer(Event::Warning(warning));
+        }
+        Ok(())
+    }
+
+    /// Configures renderer and workers for the loop.
+    fn hand_over(
+        mut self,
+        run: Run,
+        renderer: Renderer,
+        leader: &mut Option<Leader>,
+        start: Instant,
+    ) -> Result<RenderState> {
+        let Run { prepared, is_automatic, mut stop, iterations, mut config, selection, .. } = run;
+        let Prepared { scene, accel, threads, provenance, build_time } = prepared;
+        config.grain = self.batch_grain(&provenance.settings)?;
+        let pace = AuditPace::new(self.audit, is_automatic);
+        config.aovs = self.kept_aovs(&provenance.settings, pace);
+        let mut renderer = renderer.configure(config)?;
+        if let Some(iterations) = &iterations {
+            renderer.assign(iterations.assigned.clone());
+        }
+        let times = self.time_model(&provenance)?;
+        let choice = (&mut stop, selection.as_ref());
+        let policy = self.policy(&mut renderer, choice, times, iterations.as_ref())?;
+        if let Some(leader) = leader {
+            leader.set_up(&provenance, *renderer.config(), pace)?;
+        }
+        let earlier = self.audited.take();
+        let audit = pace.map(|pace| threads.install(|| Audit::new(&renderer, pace))).transpose()?;
+        let regions = scene.regions.iter();
+        let regions = regions.filter_map(|region| region.within(&provenance.settings)).collect();
+        Ok(RenderState {
+            provenance,
+            accel_name: accel.describe().name,
+            build_time,
+            earlier: policy.state(0.0).map_or(0.0, |state| state.elapsed()),
+            renderer,
+            policy,
+            stop,
+            is_automatic,
+            selection,
+            revision: run.revision,
+            denoising: run.denoising,
+            audit: audit.flatten().map(|audit| audit.resumed(earlier.as_ref())),
+            has_warned_of_audit: false,
+            sharded: iterations.map(|iterations| iterations.sharded),
+            regions,
+            totals: Totals::default(),
+            status: Status::default(),
+            history: Vec::new(),
+            exchanged: Exchanged::new(config.ranks),
+            interrupt: self.interrupt,
+            threads,
+            latest: Mutex::default(),
+            failure: None,
+            planted: self.planted,
+            clock: RunClock::new(start, self.min_iterations, run.reserve),
+        })
+    }
+}
