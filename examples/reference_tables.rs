@@ -7,8 +7,8 @@
 //! cargo run --release --example reference_tables -- --fingerprints   # their scenes' fingerprints
 //! ```
 //!
-//! The last writes the fingerprints into the tables that are there: for a change of what a fingerprint
-//! is, and of no scene.
+//! The last writes the fingerprints into the tables that are there: for a change of what a
+//! fingerprint is, and of no scene.
 
 #[path = "../tests/common/mod.rs"]
 mod common;

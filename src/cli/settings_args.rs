@@ -9,8 +9,8 @@ use clap::builder::{PossibleValue, PossibleValuesParser, StyledStr, TypedValuePa
 use serde::de::DeserializeOwned;
 use serde::de::value::{Error, StrDeserializer};
 
-/// Defines [`SettingsArgs`] by rows `name: type` with the help text and the attributes for clap, and
-/// turns it into [`PartialSettings`], which must have a field for each row.
+/// Defines [`SettingsArgs`] by rows `name: type` with the help text and the attributes for clap,
+/// and turns it into [`PartialSettings`], which must have a field for each row.
 macro_rules! options {
     ($($(#[$meta:meta])+ $name:ident: $type:ty,)+) => {
         /// Settings of an image. A setting without an option is that of the scene file, or the

@@ -1,8 +1,8 @@
 //! Audits of images: a planted fault is found and named, and the sums do not depend on threads,
 //! parts or interruptions.
 
-use bdpm::import::{Loaded, load};
 use bdpm::job::{AuditReport, Shard, Verdict, thread_pool};
+use bdpm::load::{Loaded, load};
 use bdpm::render::audit::AuditSums;
 use bdpm::settings::{Kernel, Length, PartialSettings, Strategy};
 use bdpm::{RenderJob, Stop};

@@ -466,5 +466,22 @@ fn iterate(renderer: &mut Renderer, number: u64) -> Vec<f64> {
 }
 
 #[cfg(test)]
-#[path = "audit_tests.rs"]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::settings::PartialSettings;
+
+    #[test]
+    fn cells_of_large_images_have_more_pixels() {
+        let plain = PartialSettings::default();
+        let own = Settings::resolve(&plain, &plain, 1.0).unwrap();
+        let side = |width, height| {
+            let settings = Settings { width, height, ..own.clone() };
+            let cells = cells_of(&settings);
+            assert!(cells.len() <= MAX_CELLS);
+            (cells.width, cells.height, cells.side)
+        };
+        assert_eq!(side(49, 31), (24, 15, 2));
+        assert_eq!(side(1920, 1080), (480, 270, 4));
+        assert_eq!(side(3840, 2160).2, 8);
+    }
+}

@@ -12,7 +12,7 @@ use bdpm_auto::adaptive::technique;
 use bdpm_auto::adaptive::technique::{Revision, Selection};
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::render::{RenderConfig, Renderer};
-use bdpm_core::settings::{Settings, combinations};
+use bdpm_core::settings::combinations;
 use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};

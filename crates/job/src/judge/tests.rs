@@ -6,7 +6,7 @@ use bdpm_load::load;
 const SIZE: (u32, u32) = (64, 48);
 
 fn loaded() -> Loaded {
-    load(format!("{}/scenes/cornell-box-classic", env!("CARGO_MANIFEST_DIR"))).unwrap()
+    load(format!("{}/../../scenes/cornell-box-classic", env!("CARGO_MANIFEST_DIR"))).unwrap()
 }
 
 /// An image of the scene by path tracing with this seed.

@@ -1,9 +1,14 @@
-use super::*;
-use crate::film::aov::AovSelection;
-use crate::import::load;
-use crate::render::block::CombinedImage;
-use crate::scene::backend::{Backend, build};
-use crate::settings::{Kernel, PartialSettings};
+//! Sums of audits, and what they find in right and in wrong images.
+
+use bdpm::film::aov::AovSelection;
+use bdpm::load::load;
+use bdpm::noise::Measure;
+use bdpm::render::RenderConfig;
+use bdpm::render::audit::{Audited, Auditor, HalfSums, brightest_path};
+use bdpm::render::block::CombinedImage;
+use bdpm::scene::backend::{Backend, build};
+use bdpm::settings::{Bias, Kernel, PartialSettings, Strategy};
+use bdpm::{Renderer, Settings};
 
 /// A renderer of a scene of this repository that keeps both halves of its iterations.
 fn renderer(scene: &str, settings: impl FnOnce(Settings) -> Settings) -> Renderer {
@@ -83,20 +88,6 @@ fn parts_of_an_audit_add_up_to_the_whole() {
     assert!(one[0].sums.iter().sum::<f64>() > 0.0);
     assert!(all.fits(own.settings()));
     assert!(!all.fits(&Settings { width: 60, ..own.settings().clone() }));
-}
-
-#[test]
-fn cells_of_large_images_have_more_pixels() {
-    let own = renderer("cornell-box-classic", |own| own);
-    let side = |width, height| {
-        let settings = Settings { width, height, ..own.settings().clone() };
-        let cells = cells_of(&settings);
-        assert!(cells.len() <= MAX_CELLS);
-        (cells.width, cells.height, cells.side)
-    };
-    assert_eq!(side(49, 31), (24, 15, 2));
-    assert_eq!(side(1920, 1080), (480, 270, 4));
-    assert_eq!(side(3840, 2160).2, 8);
 }
 
 #[test]
