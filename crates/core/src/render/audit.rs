@@ -468,12 +468,10 @@ fn iterate(renderer: &mut Renderer, number: u64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::PartialSettings;
 
     #[test]
     fn cells_of_large_images_have_more_pixels() {
-        let plain = PartialSettings::default();
-        let own = Settings::resolve(&plain, &plain, 1.0).unwrap();
+        let own = Settings::resolve(&Default::default(), &Default::default(), 1.0).unwrap();
         let side = |width, height| {
             let settings = Settings { width, height, ..own.clone() };
             let cells = cells_of(&settings);

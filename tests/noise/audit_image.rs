@@ -1,14 +1,13 @@
-//! Sums of audits, and what they find in right and in wrong images.
+//! Audits of images of known scenes.
 
 use bdpm::film::aov::AovSelection;
-use bdpm::load::load;
+use bdpm::load;
 use bdpm::noise::Measure;
-use bdpm::render::RenderConfig;
 use bdpm::render::audit::{Audited, Auditor, HalfSums, brightest_path};
 use bdpm::render::block::CombinedImage;
+use bdpm::render::{RenderConfig, Renderer};
 use bdpm::scene::backend::{Backend, build};
-use bdpm::settings::{Bias, Kernel, PartialSettings, Strategy};
-use bdpm::{Renderer, Settings};
+use bdpm::settings::{Bias, Kernel, PartialSettings, Settings, Strategy};
 
 /// A renderer of a scene of this repository that keeps both halves of its iterations.
 fn renderer(scene: &str, settings: impl FnOnce(Settings) -> Settings) -> Renderer {
