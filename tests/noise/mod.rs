@@ -1,5 +1,6 @@
 //! Measured coefficients, what follows from them, and what they rest on.
 
+mod audit;
 mod counts;
 mod estimators;
 mod failures;
