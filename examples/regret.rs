@@ -6,10 +6,11 @@
 //! ```
 //!
 //! - The *reference* and the error: `examples/references`.
-//! - The *grid* is all strategies at radii over 16-fold, both kernels at the scene's radius, and
-//!   caustic radii of a quarter and of all of it. Each is rendered for [`MEASURED`] seconds at
-//!   counts that the program chooses for it (docs/measurements/optimum.md: what these lose). Its
-//!   squared error less its noise is its squared bias; its noise falls with the time.
+//! - The *grid* is all strategies, path tracing among them, at radii over 16-fold, both kernels at
+//!   the scene's radius, and caustic radii of a quarter and of all of it. Each is rendered for
+//!   [`MEASURED`] seconds at counts that the program chooses for it (docs/measurements/optimum.md:
+//!   what these lose). Its squared error less its noise is its squared bias; its noise falls with
+//!   the time.
 //! - The three that should have the least error after the time are rendered, in turn with renders
 //!   without options, each with [`SEEDS`]. The regret is the root mean square of the latter's
 //!   errors over that of the best of the three.
@@ -77,6 +78,7 @@ fn places(subject: &Subject) -> Vec<Place> {
         (Strategy::Single, 1, Direct::PhotonMap),
         (Strategy::Single, 2, Direct::Connect),
         (Strategy::Mis, 2, Direct::Connect),
+        (Strategy::CutMis, 2, Direct::Connect),
     ];
     let mut all = Vec::new();
     for strategy in strategies {
@@ -89,6 +91,9 @@ fn places(subject: &Subject) -> Vec<Place> {
             all.push(place(strategy, Kernel::Disc, factor, 1.0));
         }
     }
+    // Radii do not matter without photons. Point lights in glass are then missing, which the bias
+    // tells.
+    all.push(place((Strategy::Path, 2, Direct::Connect), Kernel::Area, 1.0, 1.0));
     all
 }
 
@@ -146,11 +151,13 @@ fn compare(
             })
         };
         println!(
-            "strategies | {scene} | {side} | {seconds} s | {} | {} | {} | {} | {} |",
+            "strategies | {scene} | {side} | {seconds} s | {} | {} | {} | {} | {} | {} | {} |",
             area(Strategy::Single, 1, Direct::Connect),
             area(Strategy::Single, 1, Direct::PhotonMap),
             area(Strategy::Single, 2, Direct::Connect),
             area(Strategy::Mis, 2, Direct::Connect),
+            area(Strategy::CutMis, 2, Direct::Connect),
+            area(Strategy::Path, 2, Direct::Connect),
             least(&|place| place.technique.kernel == Kernel::Disc),
         );
         best.truncate(FINALISTS);

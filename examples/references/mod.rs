@@ -9,7 +9,7 @@ use bdpm::film::radiance::{luminance, luminance_weights};
 use bdpm::load::load;
 use bdpm::render::block;
 use bdpm::scene::backend::{Backend, build};
-use bdpm::settings::PartialSettings;
+use bdpm::settings::{PartialSettings, Strategy};
 use bdpm::{RenderJob, RenderResult, Scene, Settings, Stop};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -29,6 +29,8 @@ pub struct Subject {
     accel: Arc<dyn Intersect>,
     pub settings: Settings,
     name: String,
+    /// The reference is rendered by path tracing.
+    by_path: bool,
 }
 
 /// An image and what the program says of it.
@@ -69,18 +71,26 @@ pub struct Place {
     pub caustic_radius: f32,
 }
 
-/// Does something with a scene of `scenes/` at so many pixels along each side.
+/// Does something with a scene of `scenes/`, or of any path, at so many pixels along each side.
+/// With `@path` after its name, the reference is rendered by path tracing, which shares no photons
+/// with the images. Only scenes whose light path tracing finds well have such a reference.
 pub fn with<T>(
     scene: &str,
     side: u32,
     work: impl FnOnce(&Subject, &Reference) -> Result<T>,
 ) -> Result<T> {
-    let loaded = load(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(scene))?;
+    let (scene, by_path) = match scene.strip_suffix("@path") {
+        Some(scene) => (scene, true),
+        None => (scene, false),
+    };
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(scene);
+    let loaded = load(if own.exists() { own } else { PathBuf::from(scene) })?;
     let accel = build(Backend::default(), &loaded.scene)?;
     let wishes = PartialSettings { resolution: Some([side; 2]), ..Default::default() };
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())?;
-    let name = format!("{scene}-{side}");
-    let subject = Subject { scene: loaded.scene, accel, settings, name };
+    let scene = scene.trim_matches('/').replace('/', "-");
+    let name = format!("{scene}-{side}{}", if by_path { "-by-path" } else { "" });
+    let subject = Subject { scene: loaded.scene, accel, settings, name, by_path };
     let reference = Reference::new(&subject)?;
     work(&subject, &reference)
 }
@@ -112,6 +122,8 @@ impl Subject {
             .settings((&settings).into())
             .free_parameters(open)
             .stop(Stop::time(Duration::from_secs_f64(seconds)));
+        // Only renders that choose their technique are checked, as those of the program.
+        let job = if open.any() { job } else { job.audit(0.0) };
         let RenderResult { mut state, error, .. } = job.render()?;
         state.estimate();
         let elapsed = state.elapsed().as_secs_f64();
@@ -142,9 +154,14 @@ impl Subject {
         })
     }
 
-    /// One half of the reference: at narrow radii, so that its bias is small.
+    /// One half of the reference: by path tracing, or at narrow radii, so that its bias is small.
     fn half(&self, seed: u64) -> Result<Vec<f64>> {
         let own = &self.settings;
+        if self.by_path {
+            let strategy = Strategy::Path;
+            let traced = Settings { strategy, merge_vertex: 2, guide: 0, seed, ..own.clone() };
+            return Ok(self.render(traced, FreeParameters::NONE, REFERENCE)?.luminance);
+        }
         let radius = 0.25 * own.radius;
         let narrow = Settings { radius, caustic_radius: 0.4 * radius, seed, ..own.clone() };
         let strategy = FreeParameters { strategy: true, ..FreeParameters::NONE };

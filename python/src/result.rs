@@ -133,6 +133,12 @@ impl RenderResult {
         Some(Estimate { value, error: error.is_finite().then_some(error) })
     }
 
+    /// Comparison of the image with its audit by path tracing; None if it was not audited.
+    #[getter]
+    fn audit<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        tables::object(py, &self.result.audit)
+    }
+
     /// Relative error that was promised for the end after the first iterations, or None.
     #[getter]
     fn promised_error(&self) -> Option<f64> {

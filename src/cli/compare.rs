@@ -1,19 +1,46 @@
-//! `bdpm compare A B`.
+//! `bdpm compare A B` and `bdpm compare IMAGE --scene SCENE`.
 
+use super::interrupts::catch_interrupts;
+use super::progress::{Progress, ProgressFormat};
+use super::render::share;
+use super::{positive_time, print_notes, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::base::math::Rgb;
 use bdpm::film::compare::{Comparison, compare};
 use bdpm::image_io::read_exr;
+use bdpm::load;
+use bdpm::job::thread_pool;
+use bdpm::judge::{DEFAULT_PRECISION, DEFAULT_TIME, JudgeJob, Judgment};
+use bdpm::settings::PartialSettings;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
 
 #[derive(clap::Args)]
 pub struct Args {
     /// Compare this EXR image
     a: PathBuf,
-    /// Use this EXR image of the same size as the reference
-    b: PathBuf,
+    /// Use this EXR image as the reference, or with --scene as another seed of A
+    #[arg(required_unless_present = "scene")]
+    b: Option<PathBuf>,
+    /// Judge whether the image of this scene is right, by an estimate of its own
+    #[arg(long, value_name = "SCENE")]
+    scene: Option<PathBuf>,
+    /// Judge for about this time at most, such as 30s or 5m [default: 60s]
+    #[arg(long, value_name = "TIME", value_parser = positive_time, requires = "scene")]
+    time: Option<Duration>,
+    /// Exclude relative differences of this size [default: 1%]
+    #[arg(long, value_name = "X%", value_parser = share, requires = "scene")]
+    precision: Option<f64>,
+    /// Seed the estimate with S [default: 1]
+    #[arg(long, value_name = "S", requires = "scene")]
+    seed: Option<u64>,
+    /// Use this many threads for the estimate [default: all processors]
+    #[arg(long, value_name = "T", requires = "scene")]
+    #[arg(value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
     /// Print the result as one JSON object on stdout
     #[arg(long)]
     json: bool,
@@ -27,15 +54,62 @@ struct CompareReport {
     comparison: Comparison,
 }
 
+#[derive(Serialize)]
+struct JudgeReport {
+    images: Vec<String>,
+    scene: String,
+    #[serde(flatten)]
+    judgment: Judgment,
+}
+
 pub fn run(args: &Args) -> Result<String> {
+    if let Some(scene) = &args.scene {
+        return judge(args, scene);
+    }
+    let b = args.b.as_ref().expect("required without --scene");
     let (a, a_size) = read(&args.a)?;
-    let (b, b_size) = read(&args.b)?;
-    let comparison = compare((&a, a_size), (&b, b_size))?;
+    let (reference, b_size) = read(b)?;
+    let comparison = compare((&a, a_size), (&reference, b_size))?;
     if args.json {
-        let name = |path: &Path| path.to_string_lossy().into_owned();
-        return Ok(super::json(&CompareReport { a: name(&args.a), b: name(&args.b), comparison }));
+        return Ok(super::json(&CompareReport { a: name(&args.a), b: name(b), comparison }));
     }
     Ok(text(&comparison))
+}
+
+fn name(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
+}
+
+fn judge(args: &Args, scene: &Path) -> Result<String> {
+    let files: Vec<&PathBuf> = [Some(&args.a), args.b.as_ref()].into_iter().flatten().collect();
+    let images = files.iter().map(|file| read(file)).collect::<Result<Vec<_>>>()?;
+    let size = images[0].1;
+    if images.iter().any(|(_, own)| *own != size) {
+        let advice = "give two images of the same resolution";
+        return Err(Error::new("the images differ in size", advice).at(files[1]));
+    }
+    let images: Vec<Vec<Rgb>> = images.into_iter().map(|(image, _)| image).collect();
+    let threads = Arc::new(thread_pool(args.threads.unwrap_or(0).into())?);
+    let loaded = threads.install(|| load(scene))?;
+    if !args.json {
+        say(&format!("read {}", loaded.summary));
+        print_notes(&loaded.warnings);
+    }
+    let format = if args.json { ProgressFormat::Nothing } else { ProgressFormat::Text };
+    let interrupt = catch_interrupts(Progress::new(format))?;
+    let settings = PartialSettings { seed: args.seed, ..PartialSettings::default() };
+    let judgment = JudgeJob::new(&loaded, &images, size)?
+        .settings(settings)
+        .threads(threads)
+        .time(args.time.unwrap_or(DEFAULT_TIME))
+        .precision(args.precision.unwrap_or(DEFAULT_PRECISION))
+        .interrupted_by(interrupt)
+        .run(|_| {})?;
+    if args.json {
+        let images = files.iter().map(|file| name(file)).collect();
+        return Ok(super::json(&JudgeReport { images, scene: name(scene), judgment }));
+    }
+    Ok(judgment.describe())
 }
 
 fn read(path: &Path) -> Result<(Vec<Rgb>, (u32, u32))> {

@@ -100,7 +100,7 @@ pub fn run(args: &Args) -> Result<String> {
     }
     let mut writer = Writer::new(outputs, &[], &args.files);
     let sums = (&image, &*checkpoint.shared);
-    let origin = (&checkpoint.provenance, None);
+    let origin = (&checkpoint.provenance, None, None);
     writer.save(origin, sums, (&image.mean(), None), &mut attempts);
     if let Some(path) = &args.noise {
         attempts.add(path, || {

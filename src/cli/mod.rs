@@ -91,7 +91,7 @@ enum Command {
     Goniometer(goniometer::Args),
     /// Rate the discomfort glare of a fisheye image: DGP and UGR
     Glare(glare::Args),
-    /// Compare an image with a reference
+    /// Compare an image with a reference, or judge it by an estimate of its scene
     Compare(compare::Args),
     /// Denoise an image, guided by its albedo and normals if it has them
     Denoise(denoise::Args),

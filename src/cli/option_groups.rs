@@ -27,7 +27,7 @@ const GROUPS: &[Group] = &[
     Group {
         heading: "When to stop",
         common: &["target_error", "quick"],
-        other: &["target_rms", "iterations"],
+        other: &["target_rms", "iterations", "audit"],
     },
     Group {
         heading: "Output",

@@ -69,6 +69,9 @@ pub struct Args {
     /// Choose path counts by these times of `calibrate` or `cargo bench --bench tau`
     #[arg(long, value_name = "TIMES")]
     timings: Option<PathBuf>,
+    /// Check the image by path tracing for this share of the time [default: 5%]
+    #[arg(long, value_name = "X%", value_parser = audit_share)]
+    audit: Option<f64>,
     /// Denoise the image and estimate its error; --target-error then applies to it
     #[arg(long)]
     pub denoise: bool,
@@ -233,6 +236,10 @@ impl Args {
             .denoise(self.denoise)
             .pixel_noise(self.noise.is_some())
             .shard(self.part);
+        let job = match self.audit {
+            Some(share) => job.audit(share),
+            None => job,
+        };
         let job = match times {
             Some(times) => job.times(times, &path(&self.timings)),
             None => job,
@@ -282,6 +289,17 @@ fn parse_crop(text: &str) -> std::result::Result<[u32; 4], &'static str> {
     let window = numbers.and_then(|numbers| <[u32; 4]>::try_from(numbers).ok());
     let window = window.filter(|&[_, _, width, height]| width > 0 && height > 0);
     window.ok_or("give the left column, the top row, a width and a height, such as 40,30,200,100")
+}
+
+/// Reads a share of at most a half, such as 5%, or 0.
+fn audit_share(text: &str) -> Result<f64> {
+    match text.trim() {
+        "0" | "0%" => Ok(0.0),
+        text => share(text).ok().filter(|share| *share <= 0.5).ok_or_else(|| {
+            let advice = "give a share of at most 50%, such as 5%, or 0 for no audit";
+            Error::new(format!("`{text}` is not a share for the audit"), advice)
+        }),
+    }
 }
 
 /// Reads a share such as 2%.

@@ -13,7 +13,7 @@ use bdpm::base::math::{Rgb, luminance};
 use bdpm::base::photometry::LUMENS_PER_WATT;
 use bdpm::image_io;
 use bdpm::image_io::{DisplayWindow, ExrFormat, Image, Layer, ToneMapping, Value};
-use bdpm::job::RenderState;
+use bdpm::job::{AuditReport, RenderState, Verdict};
 use bdpm::light::false_color::{ColorScale, FalseColorMap, ValueGrid};
 use bdpm::output::denoise;
 use bdpm::output::denoise::Denoised;
@@ -217,14 +217,17 @@ impl Writer {
         attempts: &mut Attempts,
     ) {
         let sums = (image, state.renderer.shared());
-        let origin = (&state.provenance, Some(state.camera()));
-        state.threads().install(|| self.save(origin, sums, shown, attempts));
+        state.threads().install(|| {
+            let audit = state.audit_report();
+            let origin = (&state.provenance, Some(state.camera()), audit.as_ref());
+            self.save(origin, sums, shown, attempts);
+        });
     }
 
     /// Writes an image and its preview. A merged image has no known camera.
     pub fn save(
         &mut self,
-        (provenance, camera): (&Provenance, Option<&Camera>),
+        (provenance, camera, audit): (&Provenance, Option<&Camera>, Option<&AuditReport>),
         sums: (&CombinedImage, &SharedStatistics),
         (preview, denoised): (&[Rgb], Option<&Denoised>),
         attempts: &mut Attempts,
@@ -246,6 +249,7 @@ impl Writer {
                 metadata.insert(name.into(), Value::Number(value));
             }
         }
+        metadata.extend(audit.into_iter().flat_map(audit_attributes));
         let iterations = Value::Number(combined.iterations() as f64);
         metadata.insert("iterations".into(), iterations);
         if self.outputs.false_color.is_some() {
@@ -348,6 +352,22 @@ fn whole_time(part: Duration, fixed: Duration, (rows, height): (u32, u32)) -> Du
 
 /// Lines per thread of the sample that [`Writer::estimate`] writes: two blocks of a ZIP file.
 const SAMPLE_LINES: u32 = 32;
+
+/// Attributes of an image file about the audit of the image.
+fn audit_attributes(audit: &AuditReport) -> [(String, Value); 5] {
+    let verdict = match audit.verdict {
+        Verdict::Agrees => "agrees",
+        Verdict::Differs => "differs",
+        Verdict::Unclear => "unclear",
+    };
+    [
+        ("audit".into(), Value::Text(verdict.into())),
+        ("audit squared difference".into(), Value::Number(audit.square)),
+        ("audit squared difference's standard error".into(), Value::Number(audit.square_error)),
+        ("audit agreement".into(), Value::Number(audit.agreement)),
+        ("audit share left out".into(), Value::Number(audit.not_audited)),
+    ]
+}
 
 #[cfg(test)]
 mod tests {

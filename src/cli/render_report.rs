@@ -12,7 +12,7 @@ use bdpm::adaptive::autopilot::Promise;
 use bdpm::adaptive::error_interval::{COVERAGE, ErrorInterval};
 use bdpm::adaptive::stopping::StoppedBy;
 use bdpm::adaptive::technique::Selection;
-use bdpm::job::{DenoisedReport, RelativeError, RenderState, TimeForecast};
+use bdpm::job::{AuditReport, DenoisedReport, RelativeError, RenderState, TimeForecast, Verdict};
 use bdpm::render::bias::MergeBias;
 use bdpm::render::block::{Block, CombinedImage};
 use bdpm::settings::Settings;
@@ -43,6 +43,8 @@ pub struct RenderReport<'a> {
     /// Forecast of the rendering time of this run, when half of it had passed.
     pub half_way: Option<TimeForecast>,
     pub merge_bias: Option<&'a MergeBias>,
+    /// Comparison of the image with its audit.
+    pub audit: Option<&'a AuditReport>,
     pub exr: String,
     pub png: String,
     pub noise: Option<String>,
@@ -71,6 +73,7 @@ impl<'a> RenderReport<'a> {
             technique: result.selection(),
             half_way: state.half_way(),
             merge_bias: result.merge_bias.as_ref(),
+            audit: result.audit.as_ref(),
             exr: name(&writer.outputs.exr),
             png: name(&writer.outputs.png),
             noise: args.noise.as_deref().map(name),
@@ -169,6 +172,7 @@ pub fn text(report: &RenderReport) -> String {
     );
     text += &processes(run);
     text += &error(report);
+    text += &audit(report);
     text += &report.denoised.as_ref().map_or(String::new(), denoised);
     text += &report.technique.map_or(String::new(), technique);
     text += &path_counts(report);
@@ -191,10 +195,11 @@ fn error(report: &RenderReport) -> String {
     let has_photons = report.run.settings.has_photons();
     match (report.error, report.rms.zip(report.relative_rms)) {
         (Some(RelativeError { total, noise, bias, interval }), _) if has_photons => format!(
-            "relative error {}{}: noise {}, merge bias {}\n",
+            "relative error {}{}: noise {}, {} {}\n",
             percent(total),
             interval.as_ref().map_or(String::new(), interval_text),
             percent(noise),
+            bias_name(report),
             percent(bias)
         ),
         (Some(RelativeError { total, interval, .. }), _) => {
@@ -204,6 +209,34 @@ fn error(report: &RenderReport) -> String {
         (None, Some((rms, relative))) => format!("noise: {}\n", rms_text(rms, relative)),
         (None, None) => String::new(),
     }
+}
+
+/// The larger of both systematic parts of the error.
+fn bias_name(report: &RenderReport) -> &'static str {
+    match report.audit {
+        Some(audit) if audit.verdict == Verdict::Differs => "difference from the audit",
+        _ => "merge bias",
+    }
+}
+
+/// The result of the audit, and what an earlier image was refuted for.
+fn audit(report: &RenderReport) -> String {
+    let mut text = String::new();
+    if let Some(refuted) = report.technique.and_then(|selection| selection.refuted.as_ref()) {
+        text += &format!(
+            "started again after {}: the audit refuted {}, whose image differed by {:.1} %\n",
+            human_time(refuted.after),
+            refuted.instead_of.technique.describe(),
+            100.0 * refuted.difference
+        );
+    }
+    if let Some(audit) = report.audit {
+        text += &match audit.warning() {
+            Some(warning) => format!("warning: {warning}\n"),
+            None => format!("{}\n", audit.describe()),
+        };
+    }
+    text
 }
 
 /// The interval of an error in words.

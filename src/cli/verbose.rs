@@ -249,6 +249,8 @@ mod tests {
             guide: None,
             seconds: 1.0,
             revised: None,
+            refuted: None,
+            refuted_trials: Vec::new(),
         };
         let chosen = selection([Penalties::default(), untried]);
         for (has_time, counted) in [(true, "21.48 %"), (false, "40s")] {

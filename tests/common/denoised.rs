@@ -76,7 +76,7 @@ pub fn compare(
     iterations: u64,
     (reference, oidn): (&Reference, &mut Oidn),
 ) -> Found {
-    let kept = AovSelection { folds: true, features: true, light: false };
+    let kept = AovSelection { folds: true, features: true, light: false, halves: false };
     let config = RenderConfig { aovs: kept, ..RenderConfig::default() };
     let mut renderer =
         Renderer::new(scene, accel, settings.clone()).unwrap().configure(config).unwrap();

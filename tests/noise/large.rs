@@ -24,7 +24,8 @@ use std::borrow::Cow;
 /// Just above a million pixels, and no multiple of the side of a tile or cell.
 const SIZE: (u32, u32) = (1043, 1021);
 
-const LAYERS: AovSelection = AovSelection { light: true, features: true, folds: false };
+const LAYERS: AovSelection =
+    AovSelection { light: true, features: true, folds: false, halves: false };
 
 fn settings(settings: Settings) -> Settings {
     let (width, height) = SIZE;

@@ -21,7 +21,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-const ALL: AovSelection = AovSelection { light: true, features: true, folds: true };
+const ALL: AovSelection = AovSelection { light: true, features: true, folds: true, halves: false };
 
 fn small() -> (Arc<bdpm::Scene>, Settings) {
     let (scene, settings) = scene();

@@ -1,5 +1,7 @@
 //! Measured coefficients, what follows from them, and what they rest on.
 
+mod audit;
+mod audit_image;
 mod counts;
 mod estimators;
 mod failures;

@@ -15,9 +15,10 @@ use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
 const CONFIG: RenderConfig = RenderConfig {
-    aovs: AovSelection { light: true, features: true, folds: true },
+    aovs: AovSelection { light: true, features: true, folds: true, halves: false },
     grain: BatchGrain::Tile,
     nested_part: None,
+    unfindable_only: false,
     ranks: 1,
 };
 

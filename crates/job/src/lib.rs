@@ -9,6 +9,7 @@ pub mod output;
 pub mod mpi;
 pub mod job;
 pub mod measurement;
+pub mod judge;
 
 pub use job::{Event, RenderJob, RenderResult};
 pub use measurement::{MeasureJob, Measurement};

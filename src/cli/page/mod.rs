@@ -4,6 +4,7 @@
 //! written atomically, and reloads itself until the render is done. Zoom, slider and scroll
 //! position are kept.
 
+mod audit;
 mod choice;
 mod convergence;
 mod maps;
@@ -106,6 +107,7 @@ impl Page {
                 (sections::summary(snapshot))
                 (maps.viewer(snapshot.image.resolution()))
                 (maps.errors(snapshot))
+                (audit::section(snapshot))
                 section {
                     h2 { "Convergence" }
                     (convergence::section(snapshot))

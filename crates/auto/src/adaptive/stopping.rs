@@ -47,6 +47,8 @@ pub struct Stop {
     /// Squared relative bias that the pilot expects at the end: the prior of what the image
     /// measures.
     pub pilot_bias2: f64,
+    /// Squared relative difference that an audit found, if it refuted the image.
+    pub difference: Option<SquaredPart>,
 }
 
 impl Default for Stop {
@@ -54,7 +56,8 @@ impl Default for Stop {
     fn default() -> Self {
         let (iterations, time, target, error) = (None, None, None, None);
         let objective = Objective::Relative;
-        Self { iterations, time, target, error, objective, bias2: 0.0, pilot_bias2: 0.0 }
+        let (bias2, pilot_bias2, difference) = (0.0, 0.0, None);
+        Self { iterations, time, target, error, objective, bias2, pilot_bias2, difference }
     }
 }
 
@@ -63,6 +66,14 @@ impl Stop {
     #[must_use]
     pub fn with_pilot_bias2(self, bias2: f64) -> Self {
         Self { bias2, pilot_bias2: bias2, ..self }
+    }
+
+    /// These conditions without the result of an audit.
+    #[must_use]
+    pub fn without_difference(self) -> Self {
+        // The latest estimate may be the difference.
+        let bias2 = if self.difference.is_some() { self.pilot_bias2 } else { self.bias2 };
+        Self { bias2, difference: None, ..self }
     }
 
     /// Stops after this rendering time. Jobs refuse a time of 0.
@@ -312,12 +323,19 @@ impl Convergence {
         }
     }
 
+    /// The squared bias by the image and by the pilot, or the difference that an audit found if it
+    /// is larger.
+    pub fn squared_bias(&self, stop: &Stop) -> SquaredPart {
+        let known = self.known_bias(stop);
+        stop.difference.filter(|found| found.value > known.value).unwrap_or(known)
+    }
+
     /// The squared bias by the image and by the pilot. The image measures it better and better:
     /// theory.md (93d).
-    pub fn squared_bias(&self, stop: &Stop) -> SquaredPart {
+    fn known_bias(&self, stop: &Stop) -> SquaredPart {
         let prior = PILOT_SPREAD * stop.pilot_bias2;
         let Some(SquaredPart { value, deviation }) = self.bias2 else {
-            return SquaredPart { value: stop.bias2, deviation: prior };
+            return SquaredPart { value: stop.without_difference().bias2, deviation: prior };
         };
         let variances = prior.powi(2) + deviation.powi(2);
         let certainty = if prior > 0.0 { prior.powi(2) / variances } else { 1.0 };

@@ -14,6 +14,9 @@ pub struct AovSelection {
     pub features: bool,
     /// Radiance, albedo and normal of each of [`DENOISE_FOLDS`] folds of the iterations.
     pub folds: bool,
+    /// Luminance of both halves of the iterations, for an audit of an image that keeps its merge
+    /// bias.
+    pub halves: bool,
 }
 
 impl AovSelection {

@@ -199,7 +199,7 @@ mod tests {
         let partial = PartialSettings { resolution: Some([20, 3]), ..Default::default() };
         let settings = &Settings::resolve(&partial, &Default::default(), 1.0).unwrap();
         for folds in [false, true] {
-            let aovs = AovSelection { features: true, folds, light: false };
+            let aovs = AovSelection { features: true, folds, light: false, halves: false };
             let grain = BatchGrain::Tile;
             let request = StatisticRequest { settings, aovs, grain, measured_before: None };
             let mut features = FoldedBuffer::<DenoiseFeatures>::start(&request).unwrap();

@@ -7,6 +7,7 @@ pub mod compare;
 pub mod counts;
 pub mod features;
 pub mod folds;
+pub mod halves;
 pub mod light_components;
 mod phase_times;
 pub mod radiance;

@@ -13,6 +13,7 @@
 //! None of the coefficients depends on the two counts.
 
 pub mod bias;
+pub mod difference;
 pub mod file;
 pub mod film;
 pub mod halves;
@@ -23,6 +24,7 @@ pub mod pairs;
 pub mod picture;
 pub mod region;
 pub mod schedule;
+pub mod significance;
 pub mod summary;
 
 use bytemuck::Zeroable;

@@ -8,6 +8,7 @@ use crate::base::math::Rgb;
 use crate::film::annulus::FoldSums;
 use crate::film::features::{CompactDepth, DenoiseFeatures, DepthSample};
 use crate::film::folds::FoldedBuffer;
+use crate::film::halves::LuminanceSum;
 use crate::film::light_components::{CAUSTICS, CompactLight, DIRECT, EMISSION, LightComponents};
 use crate::film::statistic::{
     CurrentIteration, PixelSample, PixelStatistic, StatisticRequest, StatisticTile,
@@ -217,6 +218,8 @@ statistics! {
         folds: FoldedBuffer<Rgb>,
         /// Contribution of photons in the outer annulus of the merge discs.
         annulus: FoldedBuffer<FoldSums>,
+        /// Luminance of both halves of the iterations, where the annulus does not have it.
+        halves: FoldedBuffer<LuminanceSum>,
     }
 }
 

@@ -6,6 +6,7 @@
 //! the other fold, so that it is independent of the noise that it scales.
 
 use super::block::Block;
+use super::smoothing::smooth;
 use crate::base::math::Rgb;
 use crate::film::annulus::{AnnulusMoments, FOLDS, FoldSums, left_at_half};
 use crate::film::cells::CellGrid;
@@ -36,6 +37,8 @@ pub struct BiasCorrection {
     /// Square of the noise that one half of the iterations has beside the other, scaled to the
     /// noise of the image: a sample of its squared error, before the correction.
     pub squared_noise: Vec<f64>,
+    /// Mean luminance of the iterations of each fold, less its own correction.
+    pub halves: Vec<[f64; FOLDS]>,
 }
 
 /// Estimates for one pixel and photon class from the iterations of one fold, times the block
@@ -80,6 +83,7 @@ impl BiasCorrection {
     pub const BYTES: usize = size_of::<[FoldEstimate; FOLDS]>()
         + 3 * size_of::<[f64; 2 * FOLDS]>()
         + 2 * size_of::<Rgb>()
+        + size_of::<[f64; FOLDS]>()
         + 6 * size_of::<f64>();
 
     /// Correction of the image that `blocks` form with these weights of their iterations;
@@ -96,6 +100,7 @@ impl BiasCorrection {
             bias2: vec![0.0; pixels],
             bias2_difference: vec![0.0; pixels],
             squared_noise: weighted.squared_noise(),
+            halves: weighted.fold_means(),
         };
         let left_at_half = left_at_half(blocks[0].kernel);
         for (class, left_at_half) in left_at_half.into_iter().enumerate() {
@@ -151,25 +156,30 @@ impl BiasCorrection {
         let (width, height) = CellGrid::of(blocks.blocks[0].film.resolution()).size();
         let around = smooth(&relative, width as usize, height as usize);
         let pixels = self.correction.par_iter_mut().zip(&mut self.variance_change);
-        let pixels = pixels.zip(&mut self.bias2).zip(&mut self.bias2_difference).enumerate();
-        pixels.for_each(|(pixel, (((correction, variance_change), bias2), difference))| {
-            let (around, weight) = (&around[pixel], importance[pixel]);
-            for (fold, own) in estimates[pixel].iter().enumerate() {
-                // The factor comes from the other fold
-                let other = 2 * (1 - fold);
-                let factor = shrinkage(around[other], around[other + 1].max(0.0));
-                *correction += own.sum * (factor / total) as f32;
-                *variance_change +=
-                    factor * (factor * own.variance - 2.0 * own.covariance) / (total * total);
-                // The luminance at half the radius is not less than its own bias: theory.md (71e)
-                let annulus = (around[2 * fold].max(0.0) / weight).sqrt();
-                let at_half = (luminance[pixel] - factor * annulus).max(0.0);
-                let left = left_at_half.min(at_half / annulus);
-                let half = 0.5 * (1.0 - factor + left).powi(2) * own.bias2;
-                *bias2 += half;
-                *difference += if fold == 0 { half } else { -half };
-            }
-        });
+        let halves = self.halves.par_iter_mut();
+        let pixels = pixels.zip(&mut self.bias2).zip(&mut self.bias2_difference).zip(halves);
+        pixels.enumerate().for_each(
+            |(pixel, ((((correction, variance_change), bias2), difference), halves))| {
+                let (around, weight) = (&around[pixel], importance[pixel]);
+                for (fold, own) in estimates[pixel].iter().enumerate() {
+                    // The factor comes from the other fold
+                    let other = 2 * (1 - fold);
+                    let factor = shrinkage(around[other], around[other + 1].max(0.0));
+                    *correction += own.sum * (factor / total) as f32;
+                    halves[fold] -= luminance_of(own.sum) * factor / blocks.folds[fold].first;
+                    *variance_change +=
+                        factor * (factor * own.variance - 2.0 * own.covariance) / (total * total);
+                    // The luminance at half the radius is not less than its own bias: theory.md
+                    // (71e)
+                    let annulus = (around[2 * fold].max(0.0) / weight).sqrt();
+                    let at_half = (luminance[pixel] - factor * annulus).max(0.0);
+                    let left = left_at_half.min(at_half / annulus);
+                    let half = 0.5 * (1.0 - factor + left).powi(2) * own.bias2;
+                    *bias2 += half;
+                    *difference += if fold == 0 { half } else { -half };
+                }
+            },
+        );
     }
 }
 
@@ -200,6 +210,11 @@ pub fn annulus_bias2(
     Some(std::array::from_fn(of_class))
 }
 
+/// Luminance of a radiance.
+fn luminance_of(radiance: Rgb) -> f64 {
+    luminance(radiance.as_dvec3())
+}
+
 /// Fraction of the annulus to subtract, from its squared bias and its variance: theory.md (71d).
 pub fn shrinkage(bias2: f64, variance: f64) -> f64 {
     let excess = (bias2 - BIAS_EXCESS * variance).max(0.0);
@@ -221,6 +236,22 @@ impl<'a> WeightedBlocks<'a> {
         let pairs = |fold: &FoldWeight| fold.first.powi(2) - fold.second;
         let has_pairs = |fold: &FoldWeight| pairs(fold) > 1e-9 * fold.first.powi(2);
         folds.iter().all(has_pairs).then_some(Self { blocks, weights, folds })
+    }
+
+    /// Mean luminance of the iterations of each fold, of each cell in row order.
+    fn fold_means(&self) -> Vec<[f64; FOLDS]> {
+        let cells = CellGrid::of(self.blocks[0].film.resolution()).len();
+        let mut means = vec![[0.0; FOLDS]; cells];
+        for (block, &weight) in self.blocks.iter().zip(self.weights) {
+            let annulus = block.statistics.annulus.as_ref().expect("checked for all blocks");
+            for (fold, (sums, of_fold)) in annulus.folds().iter().zip(&self.folds).enumerate() {
+                let factor = weight / of_fold.first;
+                sums.zip_pixels(&mut means, |means, at| {
+                    means[fold] += factor * f64::from(sums.values()[at].value);
+                });
+            }
+        }
+        means
     }
 
     /// [`BiasCorrection::squared_noise`] of each cell in row order.
@@ -288,30 +319,6 @@ impl WeightedMoments {
         }
     }
 }
-
-/// Weighted means around each pixel. The weights decrease linearly to 0 at a distance of five
-/// pixels along rows and columns.
-fn smooth<const N: usize>(values: &[[f64; N]], width: usize, height: usize) -> Vec<[f64; N]> {
-    let along = |values: &[[f64; N]], step: usize, radius: usize, length: usize| {
-        let mean = |index: usize| {
-            let center = index / step % length;
-            let (mut sums, mut all) = ([0.0; N], 0.0);
-            for other in center.saturating_sub(radius)..(center + radius + 1).min(length) {
-                let weight = (radius + 1 - center.abs_diff(other)) as f64;
-                let values = &values[index + other * step - center * step];
-                sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
-                all += weight;
-            }
-            sums.map(|sum| sum / all)
-        };
-        (0..values.len()).into_par_iter().map(mean).collect::<Vec<_>>()
-    };
-    let rows = along(values, 1, SMOOTHING_RADIUS, width);
-    along(&rows, width, SMOOTHING_RADIUS, height)
-}
-
-/// Radius of [`smooth`], pixels.
-const SMOOTHING_RADIUS: usize = 4;
 
 #[cfg(test)]
 mod tests {

@@ -5,6 +5,7 @@ use super::bias_correction::BiasCorrection;
 use super::block::Block;
 use crate::base::math::Rgb;
 use crate::film::cells::CellGrid;
+use crate::film::halves::HALVES;
 use crate::film::light_components::LightComponents;
 use crate::film::radiance::{BOX_RADIUS, box_filter, box_filtered, luminance, total};
 use glam::DVec3;
@@ -136,6 +137,30 @@ impl<'a> CombinedImage<'a> {
             Some(correction.with_shares(radiance))
         };
         self.derived.0.correction.get_or_init(correction).as_ref()
+    }
+
+    /// Mean luminance of the iterations of both halves, of each cell in row order, less the merge
+    /// bias if it is corrected; W/(m^2 sr). Iterations with even numbers are the first half. `None`
+    /// if the blocks do not keep halves, or before both have iterations.
+    pub fn halves(&self) -> Option<Vec<[f64; HALVES]>> {
+        if let Some(correction) = self.bias_correction() {
+            return Some(correction.halves.clone());
+        }
+        let mut means = vec![[0.0; HALVES]; self.grid().len()];
+        let mut totals = [0.0; HALVES];
+        for (block, weight) in self.pairs() {
+            let halves = block.statistics.halves.as_ref()?;
+            for (half, sums) in halves.folds().iter().enumerate() {
+                totals[half] += weight * halves.iterations()[half] as f64;
+                sums.zip_pixels(&mut means, |means, at| {
+                    means[half] += weight * f64::from(sums.values()[at].0);
+                });
+            }
+        }
+        means.iter_mut().for_each(|own| {
+            own.iter_mut().zip(totals).for_each(|(mean, total)| *mean /= total);
+        });
+        totals.iter().all(|total| *total > 0.0).then_some(means)
     }
 
     /// Moments of the cells, in row order.

@@ -60,6 +60,7 @@ impl Renderer {
         // Light phase: trace light paths and store their photons
         let Self { scene, accel, settings, light_paths, .. } = self;
         light_paths.interrupt = interrupt.clone();
+        light_paths.unfindable_only = self.config.unfindable_only;
         let traced = if settings.has_photons() { block.counts.light_paths } else { 0 };
         light_paths.trace(scene, &**accel, settings, traced, number);
 
@@ -77,7 +78,8 @@ impl Renderer {
             let job = Job { aovs: self.config.aovs, ..Job::new(pass, merge, counts, measure) };
             let grid = CellGrid::of(self.settings.resolution());
             let measured = MeasuredPixels::new(grid, self.config.grain, iteration);
-            let job = Job { measured, interrupt: interrupt.as_deref(), ..job };
+            let leaves_out_direct = self.config.unfindable_only;
+            let job = Job { measured, leaves_out_direct, interrupt: interrupt.as_deref(), ..job };
             TileBatches::new(&mut tiles, job.tiles_per_batch())
                 .par_bridge()
                 .for_each_init(|| self.workers.lease(), |worker, tiles| worker.render(&job, tiles));

@@ -1,6 +1,7 @@
 //! Rendering a scene, iteration after iteration.
 
 pub mod accumulators;
+pub mod audit;
 mod aov_sums;
 pub mod bias;
 pub mod bias_correction;
@@ -13,6 +14,7 @@ mod measured_pixels;
 mod memory;
 mod partial;
 mod report;
+mod smoothing;
 mod tile_paths;
 mod tiles;
 mod worker;
@@ -88,6 +90,9 @@ pub struct RenderConfig {
     /// If set, measured iterations merge at nested radii for this part of the merges only, and the
     /// nested differences estimate the bias of that part.
     pub nested_part: Option<NestedPart>,
+    /// Renders nothing but light that no camera path finds: of lights that no ray can hit, through
+    /// glass or mirrors.
+    pub unfindable_only: bool,
     /// Number of processes that render the image together. Reported times are divided by it.
     pub ranks: u32,
 }
@@ -95,7 +100,7 @@ pub struct RenderConfig {
 impl Default for RenderConfig {
     fn default() -> Self {
         let (aovs, grain) = (AovSelection::default(), BatchGrain::default());
-        Self { aovs, grain, nested_part: None, ranks: 1 }
+        Self { aovs, grain, nested_part: None, unfindable_only: false, ranks: 1 }
     }
 }
 
@@ -292,6 +297,17 @@ impl Renderer {
         Ok(Self { view, ..self.with_settings(Settings { width, height, ..settings })? })
     }
 
+    /// Prepares to render the image with `settings` at a lower resolution: squares of `side` by
+    /// `side` pixels take the place of pixels. Those beyond the last full square are left out.
+    ///
+    /// # Errors
+    /// Those of [`Self::new`].
+    pub fn binned(&self, settings: Settings, side: u32) -> Result<Self> {
+        let view = self.scene.camera.view_of(&settings).binned(side);
+        let [width, height] = [settings.width, settings.height].map(|pixels| pixels / side);
+        Ok(Self { view, ..self.with_settings(Settings { width, height, ..settings })? })
+    }
+
     /// Abandons the first iteration, here and in renderers made from this one, once `interrupt` is
     /// true. Later iterations are finished, so that images with equal iterations are equal.
     #[must_use]
@@ -366,6 +382,7 @@ impl Renderer {
             features: features.is_some(),
             folds: features.is_some_and(FeatureFolds::is_folded)
                 && blocks.iter().all(|block| block.statistics.folds.is_some()),
+            halves: blocks.iter().all(|block| block.statistics.halves.is_some()),
         };
         self.current = blocks.len() - 1;
         self.sums = sums;

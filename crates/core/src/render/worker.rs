@@ -42,6 +42,8 @@ pub struct Job<'a> {
     pub batch_size: usize,
     /// The pixels that are measured, if not all are.
     pub measured: Option<MeasuredPixels>,
+    /// Leaves out what camera paths find without photons.
+    pub leaves_out_direct: bool,
     /// Leaves out all work once it is true.
     pub interrupt: Option<&'a AtomicBool>,
 }
@@ -56,7 +58,17 @@ impl<'a> Job<'a> {
     ) -> Self {
         let batch_size = merge.batch_size(measure != Measure::Off);
         let (aovs, measured, interrupt) = (AovSelection::default(), None, None);
-        Self { pass, merge, counts, measure, aovs, batch_size, measured, interrupt }
+        Self {
+            pass,
+            merge,
+            counts,
+            measure,
+            aovs,
+            batch_size,
+            measured,
+            leaves_out_direct: false,
+            interrupt,
+        }
     }
 
     fn is_interrupted(&self) -> bool {
@@ -156,6 +168,7 @@ impl Worker {
             values: &mut self.values,
             annulus: &mut self.annulus,
             aovs: AovSums::new(job, &mut self.aovs, &mut self.caustics),
+            leaves_out_direct: job.leaves_out_direct,
             per_light_path: job.per_light_path(),
             paths: ids.clone(),
         };
@@ -273,6 +286,8 @@ struct ImageSums<'a> {
     values: &'a mut [DVec3],
     annulus: &'a mut [[DVec3; CLASSES]],
     aovs: AovSums<'a>,
+    /// Leaves out what camera paths find without photons.
+    leaves_out_direct: bool,
     /// `1/N_F`.
     per_light_path: f64,
     /// Position at the current camera path.
@@ -286,7 +301,8 @@ impl ImageSums<'_> {
         if path < in_image {
             // theory.md (7), of one camera path
             let (direct, merged) = (paths.direct[number], gathered.sums[number]);
-            let value = direct.as_dvec3() + merged.as_dvec3() * self.per_light_path;
+            let direct = if self.leaves_out_direct { DVec3::ZERO } else { direct.as_dvec3() };
+            let value = direct + merged.as_dvec3() * self.per_light_path;
             self.values[pixel] += value;
             if let Some(sums) = self.annulus.get_mut(pixel) {
                 for (sum, own) in sums.iter_mut().zip(gathered.annulus[number]) {

@@ -12,10 +12,11 @@ use crate::accel::{Coherence, HitPacket, Intersect, Ray};
 use crate::base::math::{Rgb, pack_direction};
 use crate::base::pool::Pool;
 use crate::base::rng::{Stream, StreamKey};
+use crate::scene::bsdf::Lobe;
 use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
 use crate::scene::lights::guide::Guide;
 
-use crate::scene::{HitScratch, PrimarySamples, Scene, Surface};
+use crate::scene::{Emitter, HitScratch, PrimarySamples, Scene, Surface};
 use crate::settings::{Direct, Settings};
 use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::sobol::ScrambledSobol;
@@ -46,6 +47,9 @@ pub struct LightPaths {
     pub areas: Option<Arc<Areas>>,
     /// Leaves out paths once it is true.
     pub interrupt: Option<Arc<AtomicBool>>,
+    /// Keeps only paths that no camera path finds: from lights that no ray can hit, whose first
+    /// vertex takes a single direction. Direct light must be connected.
+    pub unfindable_only: bool,
 }
 
 impl LightPaths {
@@ -64,11 +68,22 @@ impl LightPaths {
         let key = StreamKey::new(settings.seed, Stream::LightPath, iteration);
         let count = light_paths.div_ceil(BATCH);
         self.batches.resize_with(count as usize, Batch::default);
-        let Self { batches, tracers, guide, areas, interrupt } = self;
+        let Self { batches, tracers, guide, areas, interrupt, unfindable_only } = self;
+        let unfindable_only = *unfindable_only;
         let (guide, areas) = (guide.as_deref(), areas.as_deref());
         let sets = StreamKey::new(settings.seed, Stream::LightPathSet, iteration);
         let splitting = settings.splitting as f32;
-        let pass = LightPass { scene, accel, settings, guide, areas, key, sets, splitting };
+        let pass = LightPass {
+            scene,
+            accel,
+            settings,
+            guide,
+            areas,
+            key,
+            sets,
+            splitting,
+            unfindable_only,
+        };
         let batches = batches.par_iter_mut().zip(0..count);
         batches.for_each_init(
             || tracers.lease(),
@@ -137,6 +152,8 @@ struct LightPass<'a> {
     sets: StreamKey,
     /// Factor on the number of continuations at the first diffuse vertex.
     splitting: f32,
+    /// See [`LightPaths::unfindable_only`].
+    unfindable_only: bool,
 }
 
 impl LightPass<'_> {
@@ -294,6 +311,13 @@ impl Tracer {
                 // Black parts of pictures emit nothing.
                 *emitted = (lane < count) & (states.weight.get(lane) != Rgb::ZERO);
             }
+            if pass.unfindable_only {
+                let emitters = pass.scene.lights().emitters();
+                for (lane, emitted) in emitted.iter_mut().enumerate() {
+                    let emitter = emitters.get(emissions.emitter[lane] as usize);
+                    *emitted &= emitter.is_some_and(Emitter::is_delta);
+                }
+            }
             if pass.scene.media().is_some() {
                 for lane in 0..count {
                     let origin = emissions.origin.get(lane);
@@ -354,6 +378,9 @@ impl Tracer {
             Passed::Boundary(ray) => return self.next.push_state(&ray, &state),
             Passed::Scattered(vertex) => vertex,
         };
+        if pass.unfindable_only && state.history.is_start() {
+            return;
+        }
         if self.stores_direct || !state.history.is_start() {
             let (path, class) = (pass.sample_of(state.path), class_of(state.history));
             // theory.md (37g)
@@ -443,6 +470,7 @@ impl Tracer {
             let is_first = states.history[lane].diffuse() == 0;
             expected[lane] = survival(albedo) * if is_first { pass.splitting } else { 1.0 };
             goes_on[lane] = at.active[lane] & (ends[lane] < expected[lane]);
+            goes_on[lane] &= !(pass.unfindable_only & states.history[lane].is_start());
             // theory.md (38)
             states.weight.set(lane, flux * (albedo / expected[lane]));
             states.history[lane] = states.history[lane].scattered();
@@ -508,6 +536,9 @@ impl Tracer {
             self.photons.push(photon);
         }
         let sample = surface.scatter_flux(&mut state.rng)?;
+        if pass.unfindable_only && state.history.is_start() && sample.lobe != Lobe::Delta {
+            return None;
+        }
         self.partials.scatter(lights, surface, origin, &state, &sample);
         state.history = if sample.lobe.passes_through() {
             state.history.passed_through()

@@ -47,9 +47,11 @@ impl RenderJob {
             pixel_noise: false,
             aovs: AovSelection::default(),
             denoise: false,
+            audit: None,
             shard: None,
             interrupt: Arc::default(),
             planted: None,
+            audited: None,
         }
     }
 
@@ -161,6 +163,14 @@ impl RenderJob {
     #[must_use]
     pub fn denoise(self, denoise: bool) -> Self {
         Self { denoise, ..self }
+    }
+
+    /// Checks the image by path tracing for this share of the time, or of the paths at fixed path
+    /// counts. 0 checks nothing [default: 5 % of images that choose their path counts]. Images
+    /// without photons are not checked.
+    #[must_use]
+    pub fn audit(self, share: f64) -> Self {
+        Self { audit: Some(share), ..self }
     }
 
     /// Renders one shard of the iterations of an image.

@@ -1,6 +1,7 @@
 //! The loop over the iterations of a job.
 
 use super::Event;
+use super::audit::Outcome;
 use super::leader::Leader;
 use super::result::RenderResult;
 use super::state::RenderState;
@@ -64,6 +65,23 @@ fn advance(
             let _ = observer(Event::Warning(format!("the technique is kept: {error}")));
         }
     }
+    match state.look_at_audit() {
+        Ok(Outcome::Nothing) => {}
+        Ok(Outcome::Warned(warning)) => {
+            if !state.has_warned_of_audit {
+                let _ = observer(Event::Warning(warning));
+            }
+            state.has_warned_of_audit = true;
+        }
+        Ok(Outcome::Restarted(reason)) => {
+            let _ = observer(Event::Warning(reason));
+            let _ = observer(Event::Revised(state));
+            return Ok(ControlFlow::Continue(()));
+        }
+        Err(error) => {
+            let _ = observer(Event::Warning(format!("the technique is kept: {error}")));
+        }
+    }
     match state.denoised_error() {
         Ok(None) => {}
         Ok(Some((error, suffices))) => {
@@ -101,7 +119,12 @@ fn iterate(
         None => {
             let renderer = &mut state.renderer;
             let number = renderer.next_iteration();
-            Ok(vec![(threads.install(|| renderer.iterate(measure)), number)])
+            let report = threads.install(|| renderer.iterate(measure));
+            if let Some(audit) = &mut state.audit {
+                let counts = (&renderer.block().counts, renderer.settings().pixels());
+                audit.after_iteration(&threads, number, counts);
+            }
+            Ok(vec![(report, number)])
         }
     })?;
     for (report, number) in &reports {

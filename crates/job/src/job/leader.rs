@@ -1,6 +1,7 @@
 //! Rank 0 of several processes. It assigns iterations to all of them, in rounds so long that the
 //! exchange of the sums takes a hundredth of the time.
 
+use super::audit::{Audit, AuditPace};
 use super::state::{RenderState, Totals};
 use crate::mpi;
 use crate::mpi::{Exchange, Ranks};
@@ -9,6 +10,7 @@ use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::iteration_set::IterationSet;
 use bdpm_core::film::counts::Counts;
 use bdpm_core::noise::schedule::MeasureSchedule;
+use bdpm_core::render::audit::AuditSums;
 use bdpm_core::render::{IterationReport, PartialRender, RenderConfig, Renderer};
 use bdpm_core::settings::Settings;
 use bdpm_core::settings::provenance::{Provenance, Reuse};
@@ -41,6 +43,7 @@ pub(super) struct RenderSetup {
     pub backend: String,
     pub settings: Settings,
     pub config: RenderConfig,
+    pub audit: Option<AuditPace>,
 }
 
 /// The next round of iterations.
@@ -62,6 +65,8 @@ pub(super) struct WorkerResult {
     pub is_interrupted: bool,
     /// Error of a process that could not render its iterations.
     pub failure: Option<String>,
+    /// Sums of the audits.
+    pub audit: Option<AuditSums>,
 }
 
 impl WorkerResult {
@@ -69,15 +74,20 @@ impl WorkerResult {
         self.totals.join(&other.totals);
         self.is_interrupted |= other.is_interrupted;
         self.failure = self.failure.take().or(other.failure);
+        match (&mut self.audit, other.audit) {
+            (Some(own), Some(other)) => own.merge(&other),
+            (own @ None, other) => *own = other,
+            (Some(_), None) => {}
+        }
         self.sums.merge(other.sums)
     }
 }
 
-/// Renders the `assigned` iterations until `is_over` returns true. Returns their reports and
-/// numbers.
+/// Renders the `assigned` iterations and their part of the `audit` until `is_over` returns true.
+/// Returns their reports and numbers.
 pub(super) fn render_assigned(
     threads: &ThreadPool,
-    renderer: &mut Renderer,
+    (renderer, mut audit): (&mut Renderer, Option<&mut Audit>),
     assigned: IterationSet,
     schedule: MeasureSchedule,
     is_over: impl Fn() -> bool,
@@ -93,6 +103,10 @@ pub(super) fn render_assigned(
             renderer.settings(),
         );
         reports.push((threads.install(|| renderer.iterate(measure)), number));
+        if let Some(audit) = &mut audit {
+            let counts = (&renderer.block().counts, renderer.settings().pixels());
+            audit.after_iteration(threads, number, counts);
+        }
         if is_over() {
             break;
         }
@@ -161,10 +175,16 @@ impl<'a> Leader<'a> {
     }
 
     /// Sends the setup to all workers.
-    pub fn set_up(&mut self, provenance: &Provenance, config: RenderConfig) -> Result<()> {
+    pub fn set_up(
+        &mut self,
+        provenance: &Provenance,
+        config: RenderConfig,
+        audit: Option<AuditPace>,
+    ) -> Result<()> {
         let (backend, settings) = (provenance.backend.clone(), provenance.settings.clone());
         self.stage = Stage::Round;
-        self.ranks.broadcast(Some(Some(RenderSetup { backend, settings, config }))).map(|_| ())
+        let setup = RenderSetup { backend, settings, config, audit };
+        self.ranks.broadcast(Some(Some(setup))).map(|_| ())
     }
 
     /// Renders one round on all processes and adds up their sums. Returns the reports of this
@@ -183,7 +203,13 @@ impl<'a> Leader<'a> {
         let start = Instant::now();
         let interrupt = &state.interrupt;
         let is_over = || interrupt.load(std::sync::atomic::Ordering::Relaxed);
-        let reports = render_assigned(&state.threads, renderer, assigned, schedule, is_over);
+        let reports = render_assigned(
+            &state.threads,
+            (renderer, state.audit.as_mut()),
+            assigned,
+            schedule,
+            is_over,
+        );
         if !reports.is_empty() {
             self.iteration_time = start.elapsed().as_secs_f64() / reports.len() as f64;
         }
@@ -192,7 +218,11 @@ impl<'a> Leader<'a> {
         let before = self.exchange.adding.get();
         let reduced =
             self.ranks.reduce(WorkerResult::default(), &self.exchange, WorkerResult::add)?;
-        let WorkerResult { sums, totals, is_interrupted, failure } = reduced.unwrap_or_default();
+        let WorkerResult { sums, totals, is_interrupted, failure, audit } =
+            reduced.unwrap_or_default();
+        if let (Some(own), Some(others)) = (&mut state.audit, audit) {
+            own.add(&others);
+        }
         let adding = Instant::now();
         renderer.add_partial(sums)?;
         let adding = self.exchange.adding.get() + adding.elapsed();

@@ -9,6 +9,8 @@
 //! the [`RenderState`] after every iteration.
 
 mod asked;
+mod audit;
+mod audit_report;
 mod builder;
 mod denoising;
 mod iterate;
@@ -23,6 +25,9 @@ mod step;
 mod time_check;
 mod worker;
 
+pub use audit::{Audit, DEFAULT_SHARE};
+pub use audit_report::{AuditReport, AuditedRegion, Verdict};
+pub(crate) use audit_report::{MIN_HITS, named_regions};
 pub use denoising::{DenoisedPromise, DenoisedReport, Denoising};
 pub use outline::JobOutline;
 pub use result::{RelativeError, RenderResult};
@@ -35,6 +40,7 @@ pub use worker::report_failure;
 use crate::mpi::{Ranks, SingleProcess};
 use crate::output::checkpoint::{Checkpoint, ShardedImage};
 use crate::output::denoise::ErrorSummary;
+use audit::AuditPace;
 use bdpm_auto::adaptive::autopilot::Autopilot;
 use bdpm_auto::adaptive::count_policy::{CountPolicy, Replay};
 use bdpm_auto::adaptive::plan::Plan;
@@ -49,6 +55,7 @@ use bdpm_core::film::counts::Counts;
 use bdpm_core::noise::file::check_memory;
 use bdpm_core::noise::film::BatchGrain;
 use bdpm_core::noise::schedule::MeasureSchedule;
+use bdpm_core::render::audit::AuditSums;
 use bdpm_core::render::block::Block;
 use bdpm_core::render::{RenderConfig, Renderer};
 use bdpm_core::scene::backend;
@@ -56,7 +63,7 @@ use bdpm_core::scene::backend::Backend;
 use bdpm_core::scene::{Media, Scene};
 use bdpm_core::settings::combinations;
 use bdpm_core::settings::provenance::{Provenance, Reuse};
-use bdpm_core::settings::{PartialSettings, Settings};
+use bdpm_core::settings::{Bias, PartialSettings, Settings};
 use leader::Leader;
 use rayon::ThreadPool;
 use shard::ShardIterations;
@@ -113,9 +120,12 @@ pub struct RenderJob {
     pixel_noise: bool,
     aovs: AovSelection,
     denoise: bool,
+    audit: Option<f64>,
     shard: Option<Shard>,
     interrupt: Arc<AtomicBool>,
     planted: Option<PlantedFailure>,
+    /// Sums of the audit of the image that is resumed.
+    audited: Option<AuditSums>,
 }
 
 /// Start of an image.
@@ -281,7 +291,8 @@ impl RenderJob {
             }
         }
         config.grain = self.batch_grain(&provenance.settings)?;
-        config.aovs = self.kept_aovs();
+        let pace = AuditPace::new(self.audit, is_automatic);
+        config.aovs = self.kept_aovs(&provenance.settings, pace);
         renderer = renderer.configure(config)?;
         if let Some(iterations) = &iterations {
             renderer.assign(iterations.assigned.clone());
@@ -294,8 +305,11 @@ impl RenderJob {
             iterations.as_ref(),
         )?;
         if let Some(leader) = leader {
-            leader.set_up(&provenance, *renderer.config())?;
+            leader.set_up(&provenance, *renderer.config(), pace)?;
         }
+        let earlier = self.audited.take();
+        let audit = pace.map(|pace| threads.install(|| Audit::new(&renderer, pace))).transpose()?;
+        let audit = audit.flatten().map(|audit| audit.resumed(earlier.as_ref()));
         let regions = scene.regions.iter();
         let regions = regions.filter_map(|region| region.within(&provenance.settings)).collect();
         let state = RenderState {
@@ -310,6 +324,8 @@ impl RenderJob {
             selection,
             revision,
             denoising,
+            audit,
+            has_warned_of_audit: false,
             sharded: iterations.map(|iterations| iterations.sharded),
             regions,
             totals: Totals::default(),
@@ -488,11 +504,14 @@ impl RenderJob {
     }
 
     /// Layers to accumulate: the selected ones and those that the denoiser needs.
-    fn kept_aovs(&self) -> AovSelection {
+    fn kept_aovs(&self, settings: &Settings, audit: Option<AuditPace>) -> AovSelection {
         let AovSelection { features, folds, .. } = self.aovs;
+        // Images whose bias is corrected have halves of their own.
+        let halves = audit.is_some() && settings.has_photons() && settings.bias == Bias::Keep;
         AovSelection {
             features: features || self.denoise,
             folds: folds || self.denoise,
+            halves,
             ..self.aovs
         }
     }
@@ -520,6 +539,7 @@ impl RenderJob {
             Start::Checkpoint { checkpoint, file } => {
                 self.check_resumed(&checkpoint, stop, iterations).map_err(|e| e.at(&file))?;
                 let mut checkpoint = *checkpoint;
+                self.audited = checkpoint.audit.take();
                 state = checkpoint.autopilot;
                 *stop = stop.with_pilot_bias2(state.map_or(0.0, |state| state.bias2()));
                 renderer.resume(checkpoint.take_partial())?;

@@ -1,5 +1,6 @@
 //! Outline of a job: what it would render, without rendering.
 
+use super::audit::AuditPace;
 use super::{Denoising, Prepared, RenderJob, Start, check_time};
 use crate::mpi::{Ranks, SingleProcess};
 use bdpm_auto::adaptive::stopping::Stop;
@@ -74,7 +75,11 @@ impl RenderJob {
         });
         let seconds = [estimate.transpose()?, stop.time.map(|time| time.as_secs_f64())];
         let seconds = seconds.into_iter().flatten().reduce(f64::min);
-        let memory = MemoryNeed::of_image(&scene, settings, self.kept_aovs());
+        let memory = MemoryNeed::of_image(
+            &scene,
+            settings,
+            self.kept_aovs(settings, AuditPace::new(self.audit, is_automatic)),
+        );
         memory.check(settings)?;
         let pilot = (is_automatic && matches!(self.start, Start::New))
             .then(|| self.chosen_parameters())

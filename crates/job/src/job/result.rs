@@ -1,5 +1,6 @@
 //! The result of a job.
 
+use super::audit_report::AuditReport;
 use super::denoising::DenoisedReport;
 use super::state::RenderState;
 use super::step::Step;
@@ -36,6 +37,8 @@ pub struct RenderResult {
     pub rms: Option<(f64, f64)>,
     /// Merge bias, estimated from nested radii; `None` if the image is corrected.
     pub merge_bias: Option<MergeBias>,
+    /// Comparison of the image with its audit, if it was audited.
+    pub audit: Option<AuditReport>,
     /// Path counts, number and weight of all iterations. A job with this plan and seed renders the
     /// same image.
     pub plan: Plan,
@@ -55,7 +58,8 @@ pub struct RelativeError {
     pub total: f64,
     /// Noise alone.
     pub noise: f64,
-    /// Merge bias alone: the estimate of the pilot, or of the image if its bias is corrected.
+    /// Merge bias alone: the estimate of the pilot, or of the image if its bias is corrected. If an
+    /// audit refuted the image, the difference that it found.
     pub bias: f64,
     /// Range in which the true relative error should lie, if it is known.
     pub interval: Option<ErrorInterval>,
@@ -95,6 +99,7 @@ impl RenderResult {
         if let Err(error) = state.denoise() {
             state.failure.get_or_insert(error);
         }
+        let audit = state.finish_audit();
         let summary = state.attempt(Step::Result, |state| Ok(Summary::new(state)));
         let Summary { error, denoised, rms, merge_bias } = summary.unwrap_or_else(|error| {
             state.failure.get_or_insert(error);
@@ -116,6 +121,7 @@ impl RenderResult {
             denoised,
             rms,
             merge_bias,
+            audit,
             plan,
             stopped_by,
             time,
@@ -212,7 +218,8 @@ fn denoised_report(state: &RenderState, convergence: &Convergence) -> Option<Den
 fn relative_error(state: &RenderState, convergence: &Convergence) -> Option<RelativeError> {
     // An image without photons has no merge bias. Otherwise, no estimate means that it is unknown.
     let has_photons = state.provenance.settings.has_photons();
-    if has_photons && state.stop.bias2 <= 0.0 && convergence.bias2.is_none() {
+    let has_bias = state.stop.bias2 > 0.0 || state.stop.difference.is_some();
+    if has_photons && !has_bias && convergence.bias2.is_none() {
         return None;
     }
     let stop = &convergence.with_measured_bias(&state.stop);

@@ -40,7 +40,7 @@ impl RenderState {
         Ok(is_revised)
     }
 
-    fn start_again(&mut self, selection: Selection) -> Result<()> {
+    pub(super) fn start_again(&mut self, selection: Selection) -> Result<()> {
         let settings = selection.apply(&self.provenance.settings);
         let (config, assigned) = (*self.renderer.config(), self.renderer.assigned().clone());
         let threads = Arc::clone(&self.threads);

@@ -1,5 +1,6 @@
 //! State of a job during and after the render.
 
+use super::audit::Audit;
 use super::denoising::Denoising;
 use super::step::{PlantedFailure, Step, attempt};
 use crate::output::checkpoint::{Checkpoint, ShardedImage};
@@ -59,6 +60,8 @@ pub struct RenderState {
     pub selection: Option<Selection>,
     /// What may still revise that choice.
     pub(super) revision: Option<Revision>,
+    /// The audit of the image, if there is one.
+    pub audit: Option<Audit>,
     /// Work of this run.
     pub totals: Totals,
     /// Progress of the image.
@@ -83,6 +86,8 @@ pub struct RenderState {
     /// The first error after the first iteration, which left the image incomplete or not denoised.
     pub failure: Option<Error>,
     pub(super) planted: Option<PlantedFailure>,
+    /// Whether a warning has said that the audit refuted the image.
+    pub(super) has_warned_of_audit: bool,
 }
 
 /// Weights of the blocks and statistics of the image after this number of iterations.
@@ -318,6 +323,7 @@ impl RenderState {
             plan: self.policy.plan().cloned(),
             sharded: self.sharded,
             regions: self.regions.clone(),
+            audit: self.audit.as_ref().map(|audit| audit.sums().clone()),
         }
     }
 

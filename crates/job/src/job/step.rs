@@ -16,6 +16,8 @@ pub enum Step {
     Estimate,
     /// Checks the choice of the pilot, and starts the image again.
     Revision,
+    /// Compares the image with its audit.
+    Audit,
     /// Denoises the image and estimates the error of the result.
     Denoising,
     /// Computes error, bias and plan of the final image.
@@ -29,6 +31,7 @@ impl fmt::Display for Step {
             Self::Iteration => "an iteration",
             Self::Estimate => "the estimate of the noise",
             Self::Revision => "the revision of the technique",
+            Self::Audit => "the audit",
             Self::Denoising => "denoising",
             Self::Result => "the error of the result",
         })

@@ -1,6 +1,7 @@
 //! The other ranks of several processes, which render the iterations that rank 0 assigns to them.
 
 use super::Prepared;
+use super::audit::Audit;
 use super::leader::{Ready, RenderSetup, Round, WorkerResult, render_assigned};
 use super::state::Totals;
 use super::step::{PlantedFailure, Step, attempt};
@@ -27,7 +28,7 @@ pub(super) fn follow(
     ranks.send(0, &encode(&Ready::Ok(provenance)));
     let setup = ranks.broadcast::<Option<RenderSetup>>(None)?;
     // Rank 0 reports why it ended before the render.
-    let Some(RenderSetup { backend, settings, config }) = setup else { return Ok(()) };
+    let Some(RenderSetup { backend, settings, config, audit }) = setup else { return Ok(()) };
     if backend != prepared_backend
         && let Some(backend) = Backend::named(&backend)
     {
@@ -35,6 +36,8 @@ pub(super) fn follow(
     }
     let renderer = threads.install(|| Renderer::new(&scene, &accel, settings))?;
     let mut renderer = renderer.configure(config)?;
+    let audit = audit.map(|pace| threads.install(|| Audit::new(&renderer, pace))).transpose()?;
+    let mut audit = audit.flatten();
     let exchange = Exchange::default();
     let mut failure = None;
     let mut done = 0;
@@ -49,7 +52,8 @@ pub(super) fn follow(
                     renderer.enter_block(first, counts)?;
                 }
                 let assigned = numbers.share(ranks.rank(), ranks.count());
-                Ok(render_assigned(&threads, &mut renderer, assigned, schedule, is_over))
+                let both = (&mut renderer, audit.as_mut());
+                Ok(render_assigned(&threads, both, assigned, schedule, is_over))
             });
             match rendered {
                 Ok(reports) => reports.iter().for_each(|(report, _)| totals.add(report)),
@@ -58,7 +62,9 @@ pub(super) fn follow(
             done += totals.iterations;
         }
         let (sums, is_interrupted) = (renderer.take_partial(), is_over());
-        let result = WorkerResult { sums, totals, is_interrupted, failure: failure.clone() };
+        let audit = audit.as_mut().map(Audit::take_sums);
+        let failure = failure.clone();
+        let result = WorkerResult { sums, totals, is_interrupted, failure, audit };
         ranks.reduce(result, &exchange, WorkerResult::add)?;
     }
     Ok(())

@@ -12,6 +12,7 @@ use bdpm_core::base::input::read_if_begins;
 use bdpm_core::base::iteration_set::IterationSet;
 use bdpm_core::render::PartialRender;
 use bdpm_core::render::accumulators::SharedStatistics;
+use bdpm_core::render::audit::AuditSums;
 use bdpm_core::render::block::{Block, PhaseClock};
 use bdpm_core::scene::Region;
 use bdpm_core::settings::provenance::Provenance;
@@ -25,7 +26,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
 
 /// Version of the payload's layout. Increase it with every change.
-const FORMAT: u32 = 16;
+const FORMAT: u32 = 17;
 
 /// Bytes before the payload.
 const HEADER: usize = MAGIC.len() + size_of::<u32>();
@@ -50,6 +51,8 @@ pub struct Checkpoint<'a> {
     pub sharded: Option<ShardedImage>,
     /// The scene's named regions.
     pub regions: Vec<Region>,
+    /// Sums of the audit, if the image is audited.
+    pub audit: Option<AuditSums>,
 }
 
 /// An image whose iterations are split into shards.
@@ -81,6 +84,7 @@ struct Payload<'a> {
     plan: Option<Cow<'a, Plan>>,
     sharded: Option<ShardedImage>,
     regions: Cow<'a, [Region]>,
+    audit: Option<Cow<'a, AuditSums>>,
     /// Times of the blocks; empty unless path counts are automatic, so that equal images have equal
     /// checkpoints.
     clocks: Vec<PhaseClock>,
@@ -97,6 +101,7 @@ impl<'a> Checkpoint<'a> {
             plan: None,
             sharded: None,
             regions: Vec::new(),
+            audit: None,
         }
     }
 
@@ -106,7 +111,7 @@ impl<'a> Checkpoint<'a> {
     /// # Errors
     /// If the file cannot be written; the old file is then unchanged. The error names the file.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let Self { provenance, blocks, shared, autopilot, plan, sharded, regions } = self;
+        let Self { provenance, blocks, shared, autopilot, plan, sharded, regions, audit } = self;
         let clocks = match autopilot {
             Some(_) => blocks.iter().map(|block| block.clock).collect(),
             None => Vec::new(),
@@ -115,8 +120,18 @@ impl<'a> Checkpoint<'a> {
         let shared = Cow::Borrowed(&**shared);
         let plan = plan.as_ref().map(Cow::Borrowed);
         let (autopilot, sharded, regions) = (*autopilot, *sharded, Cow::Borrowed(&regions[..]));
-        let payload =
-            Payload { provenance, blocks, shared, autopilot, plan, sharded, regions, clocks };
+        let audit = audit.as_ref().map(Cow::Borrowed);
+        let payload = Payload {
+            provenance,
+            blocks,
+            shared,
+            autopilot,
+            plan,
+            sharded,
+            regions,
+            audit,
+            clocks,
+        };
         write_atomically(path, |to| {
             let mut hashing = Hashing { to, hash: Xxh3Default::new(), failure: None };
             hashing.write_all(&MAGIC)?;
@@ -179,8 +194,18 @@ impl Checkpoint<'static> {
         // Below, only a file with a forged checksum fails.
         let (payload, rest): (Payload, _) =
             postcard::take_from_bytes(payload).map_err(|_| damaged())?;
-        let Payload { provenance, blocks, shared, autopilot, plan, sharded, regions, clocks } =
-            payload;
+        let Payload {
+            provenance,
+            blocks,
+            shared,
+            autopilot,
+            plan,
+            sharded,
+            regions,
+            audit,
+            clocks,
+        } = payload;
+        let audit = audit.map(Cow::into_owned);
         let (provenance, mut blocks) = (provenance.into_owned(), blocks.into_owned());
         let (plan, regions) = (plan.map(Cow::into_owned), regions.into_owned());
         provenance.settings.validate()?;
@@ -189,6 +214,7 @@ impl Checkpoint<'static> {
             && blocks.is_sorted_by(|one, next| one.first < next.first)
             && shared.fits(&provenance.settings)
             && plan.as_ref().is_none_or(Plan::is_consistent)
+            && audit.as_ref().is_none_or(|audit| audit.fits(&provenance.settings))
             && sharded
                 .is_none_or(|sharded| (1..=sharded.iterations).contains(&sharded.shards.into()));
         let timed = if autopilot.is_some() { blocks.len() } else { 0 };
@@ -199,7 +225,7 @@ impl Checkpoint<'static> {
             block.clock = clock;
         }
         let blocks = Cow::Owned(blocks);
-        Ok(Self { provenance, blocks, shared, autopilot, plan, sharded, regions })
+        Ok(Self { provenance, blocks, shared, autopilot, plan, sharded, regions, audit })
     }
 }
 
@@ -280,7 +306,7 @@ mod tests {
             seed: u64::MAX,
             mis_scales: None,
         };
-        let aovs = AovSelection { light: true, features: true, folds: true };
+        let aovs = AovSelection { light: true, features: true, folds: true, halves: false };
         let config = RenderConfig { aovs, ..RenderConfig::default() };
         let request = config.request(&settings);
         let first =
@@ -323,6 +349,7 @@ mod tests {
             plan,
             sharded,
             regions,
+            audit: None,
         }
     }
 

@@ -118,7 +118,7 @@ impl LayerSelection {
         let light = all || self.0.iter().any(|name| name.is_light());
         let features =
             all || self.0.iter().any(|name| !name.is_light() && *name != LayerName::None);
-        AovSelection { light, features, folds: false }
+        AovSelection { light, features, folds: false, halves: false }
     }
 
     /// The selected layers of some rows of an image, as far as their statistics were accumulated.

@@ -59,9 +59,13 @@ pub fn merge(paths: &[PathBuf]) -> Result<Merged> {
     heads.sort_by_key(|head| head.numbers.first().unwrap_or(u64::MAX));
     let mut checkpoint = Checkpoint::load(heads[0].path)?;
     let mut sums = checkpoint.take_partial();
+    let mut audit = checkpoint.audit.take();
     for ShardHeader { path, .. } in &heads[1..] {
-        let next = Checkpoint::load(path)?.take_partial();
-        sums.merge(next).map_err(|e| e.at(*path))?;
+        let mut next = Checkpoint::load(path)?;
+        if let (Some(own), Some(other)) = (&mut audit, &next.audit) {
+            own.merge(other);
+        }
+        sums.merge(next.take_partial()).map_err(|e| e.at(*path))?;
     }
     let all = numbers(&sums.blocks);
     let sharded = heads.iter().find_map(|head| head.sharded);
@@ -69,7 +73,7 @@ pub fn merge(paths: &[PathBuf]) -> Result<Merged> {
     // A complete image is not a part.
     let sharded = sharded.filter(|_| !missing.is_empty());
     let (blocks, shared) = (Cow::Owned(sums.blocks), Cow::Owned(sums.shared));
-    let checkpoint = Checkpoint { blocks, shared, sharded, ..checkpoint };
+    let checkpoint = Checkpoint { blocks, shared, sharded, audit, ..checkpoint };
     Ok(Merged { checkpoint, missing, unreadable, files: heads.len() })
 }
 

@@ -9,6 +9,7 @@
 
 mod bias;
 mod candidate_cost;
+mod compared_trials;
 mod medium_scale;
 mod model;
 mod penalties;
@@ -17,7 +18,7 @@ mod revision;
 mod trial;
 
 pub use penalties::Penalties;
-pub use revision::{Revised, Revision, TimeShare};
+pub use revision::{Refuted, Revised, Revision, TimeShare};
 
 use crate::timing::TimeModel;
 use bdpm_core::base::error::Result;
@@ -205,6 +206,12 @@ pub struct Selection {
     pub seconds: f64,
     /// The revision of the choice by the image's first iterations, if there was one.
     pub revised: Option<Revised>,
+    /// The latest technique that an audit of the image refuted, if there is one.
+    #[serde(default)]
+    pub refuted: Option<Refuted>,
+    /// Techniques whose trials the trial of path tracing refuted.
+    #[serde(default)]
+    pub refuted_trials: Vec<Technique>,
 }
 
 /// A guide of light paths that pays.

@@ -160,6 +160,11 @@ impl Model {
         })
     }
 
+    /// Squared relative merge bias at some radii, without correction.
+    pub fn bias2_at(&self, radii: ByClass<f64>) -> f64 {
+        self.merged(radii).iter().map(|class| class.square.max(0.0)).sum()
+    }
+
     fn times(&self, radii: ByClass<f64>) -> TimeModel {
         let reach = radii[EVERY].max(radii[LAST]);
         TimeModel { merge_pair: self.times.merge_pair * reach * reach, ..self.times }

@@ -2,6 +2,7 @@
 //! large radii, and the best at their best radii.
 
 use super::candidate_cost::{Best, CandidateCost};
+use super::compared_trials::disagrees;
 use super::model::{ENOUGH_FOUND, ImageScale, LARGEST_SCALE, Model};
 use super::revision::Revision;
 use super::trial::{Trial, TrialRunner};
@@ -101,8 +102,17 @@ pub fn run(
     let guide = if open.guide { runner.learn_guide(LEARNING_SHARE * budget)? } else { None };
     let radii = Radii::new(settings, open);
     let (tried, least_luminance) = (Vec::new(), 0.0);
-    let mut pilot =
-        Pilot { settings, demand, runner, radii, start, budget, tried, least_luminance };
+    let mut pilot = Pilot {
+        settings,
+        demand,
+        runner,
+        radii,
+        start,
+        budget,
+        tried,
+        least_luminance,
+        refuted: Vec::new(),
+    };
     pilot.screen(candidates, each)?;
     pilot.try_large_radii(large)?;
     let finalists = pilot.finish(last / FINALISTS)?;
@@ -110,7 +120,10 @@ pub fn run(
     let candidates = finalists.iter().map(scored).collect();
     let revision = Revision::new(finalists, pilot.demand, pilot.scale());
     let seconds = start.elapsed().as_secs_f64();
-    Ok((Selection { candidates, open, guide, seconds, revised: None }, revision))
+    let (revised, refuted, refuted_trials) = (None, None, pilot.refuted);
+    let selection =
+        Selection { candidates, open, guide, seconds, revised, refuted, refuted_trials };
+    Ok((selection, revision))
 }
 
 pub(super) struct Pilot<'a> {
@@ -124,12 +137,16 @@ pub(super) struct Pilot<'a> {
     tried: Vec<Tried>,
     /// Mean luminance that the image has at least, by all trials so far, W/(m^2 sr).
     least_luminance: f64,
+    /// Techniques that the trial of path tracing refuted.
+    refuted: Vec<Technique>,
 }
 
 /// A technique and its trials.
 struct Tried {
     technique: Technique,
     trials: Vec<Trial>,
+    /// It is kept for an image whose audit refutes all others, although it is much worse.
+    is_reserve: bool,
 }
 
 /// A technique at its best radii and counts, in the last round.
@@ -140,6 +157,8 @@ pub struct Finalist {
     pub penalties: Penalties,
     /// Largest mean luminance of its trials, W/(m^2 sr).
     pub luminance: f64,
+    /// It is kept only for an image whose audit refutes all others.
+    is_reserve: bool,
 }
 
 impl Pilot<'_> {
@@ -149,12 +168,13 @@ impl Pilot<'_> {
         for technique in techniques {
             let settings = technique.with(self.settings, self.radii.settings);
             let first = self.trial(&settings, None, seconds)?;
-            self.tried.push(Tried { technique, trials: vec![first] });
+            self.tried.push(Tried { technique, trials: vec![first], is_reserve: false });
         }
         for tried in &mut self.tried {
             tried.trials[0].set_missed_light(self.least_luminance);
         }
         let weights = common_weights(&self.tried);
+        self.refute(&weights);
         let rank = |tried: &Tried| {
             let best = self.model(tried, &weights).best(&self.demand);
             best.rank(&self.demand) * self.penalties(tried.technique).total()
@@ -166,12 +186,36 @@ impl Pilot<'_> {
         let is_known = |(_, tried): &&(f64, Tried)| !tried.is_thin(&weights[..]);
         let least = ranked.iter().find(is_known).unwrap_or(&ranked[0]).0;
         // A rank that is not a number is kept, so that at least one technique is left.
-        ranked.retain(|(rank, _)| {
+        ranked.retain_mut(|(rank, tried)| {
             let is_hopeless = *rank > HOPELESS * least;
-            !is_hopeless
+            tried.is_reserve = is_hopeless && !tried.technique.merges();
+            !is_hopeless || tried.is_reserve
         });
         self.tried = ranked.into_iter().map(|(_, tried)| tried).collect();
         Ok(())
+    }
+
+    /// Leaves out techniques whose trials disagree with that of path tracing.
+    fn refute(&mut self, weights: &[f64]) {
+        let Some(index) = self.tried.iter().position(|own| !own.technique.merges()) else { return };
+        let path = self.tried.remove(index);
+        let brightest = self.runner.brightest();
+        let is_refuted = |own: &Tried| {
+            let trial = &own.trials[0];
+            let bias2 = self.model(own, weights).bias2_at(trial.radii);
+            disagrees(trial, &path.trials[0], weights, (bias2, brightest))
+        };
+        let refuted: Vec<bool> = self.tried.iter().map(is_refuted).collect();
+        let mut refuted = refuted.into_iter();
+        let left_out = |own: &mut Tried| {
+            let is_refuted = refuted.next().expect("one for each");
+            if is_refuted {
+                self.refuted.push(own.technique);
+            }
+            is_refuted
+        };
+        self.tried.extract_if(.., left_out).for_each(drop);
+        self.tried.insert(index.min(self.tried.len()), path);
     }
 
     /// Runs a trial, and lets it know the light that all trials so far found at least.
@@ -247,7 +291,8 @@ impl Pilot<'_> {
             // Where no radius is open, or none matters, all trials were at the best radii.
             best.tried = !self.demand.open.any_radius() || !tried.technique.merges();
             let luminance = tried.trials.iter().map(Trial::luminance).fold(0.0, f64::max);
-            Finalist { model, best, penalties: self.penalties(tried.technique), luminance }
+            let (penalties, is_reserve) = (self.penalties(tried.technique), tried.is_reserve);
+            Finalist { model, best, penalties, luminance, is_reserve }
         };
         let mut finalists: Vec<Finalist> = self.tried.iter().map(finalist).collect();
         // Largest factor by which a trial exceeded its prediction.
@@ -256,7 +301,7 @@ impl Pilot<'_> {
             // At least one is tried: no other trial measures the times so well, which counts
             // follow.
             let elapsed = self.start.elapsed().as_secs_f64();
-            let any_tried = finalists.iter().any(|finalist| finalist.best.tried);
+            let any_tried = finalists.iter().any(|own| own.best.tried && !own.is_reserve);
             let patience =
                 if is_promising(&finalists, &self.demand) { LAST_TRIALS_PATIENCE } else { 1.0 };
             let is_over = any_tried && elapsed > patience * self.budget;
@@ -316,7 +361,7 @@ impl Pilot<'_> {
 /// tried.
 fn is_promising(finalists: &[Finalist], demand: &CandidateCost) -> bool {
     let least = |tried: bool| {
-        let of = finalists.iter().filter(|finalist| finalist.best.tried == tried);
+        let of = finalists.iter().filter(|own| own.best.tried == tried && !own.is_reserve);
         of.map(|Finalist { best, penalties, .. }| penalties.total() * best.rank(demand))
             .fold(f64::INFINITY, f64::min)
     };
@@ -387,7 +432,8 @@ impl Radii {
 /// techniques have the same weights.
 fn common_weights(tried: &[Tried]) -> Vec<f64> {
     let (mut luminance, mut count) = (Vec::new(), 0.0);
-    for trial in tried.iter().flat_map(|tried| &tried.trials) {
+    let used = tried.iter().filter(|own| !own.is_reserve);
+    for trial in used.flat_map(|tried| &tried.trials) {
         luminance.resize(trial.noise.pixels.len(), 0.0);
         for (sum, pixel) in luminance.iter_mut().zip(&trial.noise.pixels) {
             *sum += pixel.luminance;

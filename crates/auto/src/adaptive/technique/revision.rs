@@ -40,6 +40,21 @@ const SAMPLED: f64 = 2.0;
 /// Factor for one that was never tried at its radii.
 const UNTRIED: f64 = 4.0;
 
+/// Factor on the squared error of other techniques that merge, once one was refuted: they may have
+/// the same fault. Path tracing is what refuted it.
+const DOUBT: f64 = 4.0;
+
+/// A technique that an audit of the image refuted.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Refuted {
+    /// Rendering time until then, seconds, from the first iteration of the image.
+    pub after: f64,
+    /// The technique at its radii.
+    pub instead_of: Candidate,
+    /// Relative difference between its image and the audit.
+    pub difference: f64,
+}
+
 /// A revised choice.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Revised {
@@ -80,6 +95,40 @@ impl Revision {
         let check = CHECKS.get(self.checks);
         let has_begun = renderer.iterations() >= MIN_ITERATIONS;
         has_begun && check.is_some_and(|share| done >= share * (done + expected_left))
+    }
+
+    /// The best choice without the technique of the `selection`, which an audit refuted by this
+    /// relative difference; `None` if no other was tried.
+    pub fn without_refuted(
+        &mut self,
+        selection: &Selection,
+        time: TimeShare,
+        difference: f64,
+    ) -> Option<Selection> {
+        let instead_of = *selection.best();
+        let end = match self.demand.end {
+            End::Time(_) => End::Time(time.left.unwrap_or(0.0) * f64::from(self.demand.ranks)),
+            error => error,
+        };
+        let again = CandidateCost { end, ..self.demand };
+        let is_other = |own: &Finalist| own.model.technique != instead_of.technique;
+        let rank = |own: &Finalist| {
+            let doubt = if own.model.technique.merges() { DOUBT } else { 1.0 };
+            doubt * own.best.after(&self.demand, &again).rank(&again) * own.penalties.total()
+        };
+        let others = self.finalists.iter().enumerate().filter(|(_, own)| is_other(own));
+        let (index, _) = others.min_by(|(_, a), (_, b)| rank(a).total_cmp(&rank(b)))?;
+        let next = self.finalists.swap_remove(index);
+        self.finalists.retain(is_other);
+        let best =
+            next.best.after(&self.demand, &again).scored(next.model.technique, next.penalties);
+        self.finalists.insert(0, next);
+        self.checks = CHECKS.len();
+        let mut candidates = selection.candidates.clone();
+        candidates.retain(|own| own.technique != best.technique);
+        candidates.insert(0, best);
+        let refuted = Some(Refuted { after: time.done, instead_of, difference });
+        Some(Selection { candidates, revised: None, refuted, ..selection.clone() })
     }
 
     /// The choice by all that the image has measured, if it is worth starting again. `selection` is

@@ -10,6 +10,7 @@ use bdpm_core::film::counts::Counts;
 use bdpm_core::noise::image::NoiseImage;
 use bdpm_core::noise::{Coefficients, Measure};
 use bdpm_core::render::Renderer;
+use bdpm_core::render::audit::brightest_path;
 use bdpm_core::render::guiding::{
     LEARNING_CAMERA_PATHS, LEARNING_LIGHT_PATHS, LEARNING_PIXELS, LEARNING_ROUND, Learned,
 };
@@ -349,6 +350,11 @@ impl<'a> TrialRunner<'a> {
         let lights = self.scene.lights();
         let are_hit = lights.has_environment() || !lights.emitters().iter().all(Emitter::is_delta);
         are_hit && self.scene.materials().iter().any(|material| material.bsdf.has_rough())
+    }
+
+    /// The largest luminance that a camera path is likely to find, W/(m^2 sr).
+    pub fn brightest(&self) -> f64 {
+        brightest_path(self.scene)
     }
 
     /// A renderer of the sample that shares areas with an earlier one of the same lookup radius,

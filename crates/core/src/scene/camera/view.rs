@@ -61,6 +61,12 @@ impl View {
         Self { stride: stride as f32, ..self }
     }
 
+    /// The view of squares of `side` by `side` pixels instead of pixels.
+    #[must_use]
+    pub fn binned(self, side: u32) -> Self {
+        Self { dx: self.dx * side as f32, dy: self.dy * side as f32, ..self }
+    }
+
     /// A point of the image in the view of all pixels; bit by bit the same point at a stride of 1.
     #[inline(always)]
     pub(in crate::scene) fn full_image_point(&self, x: f32, y: f32) -> [f32; 2] {
@@ -157,6 +163,16 @@ mod tests {
             pixels.map(|[x, y]| (x as u32, y as u32)).unzip();
         assert_eq!((columns.len(), rows.len()), (16, 16));
         assert_eq!(direction(&same, 7.3, 2.9), direction(&all, 7.3, 2.9));
+    }
+
+    #[test]
+    fn binned_view_has_the_rays_of_squares_of_pixels() {
+        let camera = Camera::look(Vec3::ZERO, Vec3::Z, Vec3::Y, FieldOfView::X(60.0)).unwrap();
+        let (all, binned) = (camera.view(12, 8), camera.view(12, 8).binned(4));
+        for (x, y) in [(0.0, 0.0), (1.25, 1.5), (2.75, 0.5)] {
+            let off = direction(&binned, x, y) - direction(&all, 4.0 * x, 4.0 * y);
+            assert!(off.length() < 1e-6, "{off}");
+        }
     }
 
     /// Mean of a function of the rays' directions over the pixels, times the solid angle of all

@@ -1,0 +1,88 @@
+//! Compares the trial of a technique with that of path tracing: theory.md, section 22b.
+
+use super::trial::Trial;
+
+/// Standard errors by which two trials must differ.
+const SIGNIFICANT: f64 = 4.0;
+
+/// Factor on the squared bias that a technique is known to have at the radii of the trial.
+const KNOWN_BIAS: f64 = 4.0;
+
+/// Smallest relative difference that refutes a technique.
+const LEAST_DIFFERENCE: f64 = 0.05;
+
+/// Number of independent parts of the noise of photons, which the pixels share.
+const PARTS: f64 = 4.0;
+
+/// Number of hits that path tracing must expect of light that it does not find.
+const MIN_HITS: f64 = 10.0;
+
+/// Whether the mean of a trial disagrees with that of path tracing, beyond noise and the squared
+/// relative bias `bias2`. No path is likely to find more than the luminance `brightest`. theory.md
+/// (98g)
+pub fn disagrees(trial: &Trial, path: &Trial, weights: &[f64], known: (f64, f64)) -> bool {
+    let values = |of: &Trial| -> Vec<[f64; 2]> {
+        let iterations = of.noise.iterations as f64;
+        let pixels = of.noise.pixels.iter();
+        pixels.map(|pixel| [pixel.luminance, pixel.noise.sampled / iterations]).collect()
+    };
+    let paths = path.noise.iterations as f64 * f64::from(path.noise.camera_paths);
+    is_different([&values(trial), &values(path)], weights, paths, known)
+}
+
+/// Whether two images differ. Both have a luminance and its variance for each pixel, and the second
+/// has this number of camera paths in each pixel.
+fn is_different(
+    [image, path]: [&[[f64; 2]]; 2],
+    weights: &[f64],
+    paths: f64,
+    (bias2, brightest): (f64, f64),
+) -> bool {
+    let count = weights.len() as f64;
+    let (mut square, mut variance, mut own_noise, mut excess) = (0.0, 0.0, 0.0, 0.0);
+    for ((own, other), weight) in image.iter().zip(path).zip(weights) {
+        let difference = own[0] - other[0];
+        let noise = own[1] + other[1];
+        square += weight * (difference * difference - noise);
+        // The square of a normal variable has twice the squared variance.
+        variance += 2.0 * (weight * noise).powi(2);
+        own_noise += weight * own[1];
+        excess += difference;
+    }
+    let error = (variance / (count * count) + (own_noise / count).powi(2) / PARTS).sqrt();
+    let is_found = excess <= 0.0 || excess * paths > MIN_HITS * brightest;
+    let least = (KNOWN_BIAS * bias2).max(LEAST_DIFFERENCE.powi(2));
+    is_found && square / count - SIGNIFICANT * error > least
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bdpm_core::base::rng::{Stream, StreamKey};
+
+    const PIXELS: usize = 2000;
+
+    /// An image of luminance `mean` whose noise has this relative deviation.
+    fn image(run: u64, mean: f64, noise: f64) -> Vec<[f64; 2]> {
+        let mut rng = StreamKey::new(run, Stream::Test, 3).rng(0);
+        let mut normal = || {
+            let [u, v] = rng.next_2d().map(f64::from);
+            (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+        };
+        (0..PIXELS).map(|_| [mean + noise * normal(), noise * noise]).collect()
+    }
+
+    #[test]
+    fn only_leaks_beyond_noise_and_known_bias_refute() {
+        let weights = vec![1.0; PIXELS];
+        let path = image(1, 1.0, 0.3);
+        let of =
+            |mean: f64, known| is_different([&image(2, mean, 0.1), &path], &weights, 64.0, known);
+        assert!(!of(1.0, (0.0, 1.0)), "no difference");
+        assert!(of(1.3, (1e-3, 1.0)) && of(0.7, (1e-3, 1.0)));
+        assert!(!of(1.3, (0.03, 1.0)), "the bias is known");
+        // 2000 pixels with 64 paths and an excess of .3: 38,400.
+        assert!(of(1.3, (1e-3, 3000.0)) && !of(1.3, (1e-3, 5000.0)));
+        assert!(of(0.7, (1e-3, 5000.0)), "light that path tracing finds is there");
+    }
+}
