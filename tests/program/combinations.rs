@@ -39,7 +39,7 @@ const OPTIONS: &[&str] = &[
 const FILES: &[&str] = &["--plan p.exr", "--resume r.ckpt", "--timings t.json"];
 
 /// Scenes without a medium, and with one that scatters.
-const SCENES: [(&str, bool); 2] = [("cornell-box", false), ("smoke", true)];
+const SCENES: [(&str, bool); 2] = [("cornell-box-classic", false), ("smoke", true)];
 
 /// A command line and its scene.
 struct Case<'a> {

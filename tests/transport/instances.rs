@@ -84,6 +84,7 @@ fn backends(scene: &Arc<Scene>) -> Vec<Arc<dyn Intersect>> {
 #[test]
 fn scene_facts_ignore_sharing_of_meshes() {
     let [shared, copied] = both();
+    assert_eq!(shared.fingerprint(), copied.fingerprint());
     assert_eq!(shared.triangle_count(), copied.triangle_count());
     assert_eq!(shared.bounds(), copied.bounds());
     assert_eq!(shared.lights().emitters().len(), copied.lights().emitters().len());
@@ -264,5 +265,6 @@ fn files_that_are_used_often_are_held_once() {
         Vec::new(),
     )
     .unwrap();
+    assert_eq!(scene.fingerprint(), copies.fingerprint());
     assert_eq!(scene.bounds(), copies.bounds());
 }

@@ -1,6 +1,9 @@
 //! A 64-bit fingerprint that identifies a scene.
 
-use super::{Camera, Emitter, Environment, Material, Medium, Meters, Scene, Texture, Transform};
+use super::{
+    Camera, Emitter, Environment, Material, Medium, Mesh, Meters, Placement, Scene, Texture,
+};
+use bytemuck::Pod;
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use std::io::BufWriter;
@@ -11,8 +14,8 @@ use xxhash_rust::xxh3::Xxh3Default;
 /// which may differ between machines by rounding.
 #[derive(Serialize)]
 struct Content<'a> {
-    /// Fingerprint of the mesh, material and transform.
-    placements: Vec<(u64, u32, Option<&'a Transform>)>,
+    /// Fingerprint of the mesh in scene space, and material.
+    placements: Vec<(u64, u32)>,
     materials: &'a [Material],
     environment: Option<&'a Environment>,
     /// Without those on surfaces, which follow from meshes and materials.
@@ -27,17 +30,19 @@ struct Content<'a> {
 impl Scene {
     /// A hash (XXH3) of everything that an image depends on: geometry, materials, lights and
     /// camera, bit by bit and in order. Names, regions and paths of files do not count. It is the
-    /// same on every machine.
-    ///
-    /// A mesh that several placements share counts once: copies of it are another scene.
+    /// same on every machine. Instances of a mesh and copies of it have one fingerprint.
     pub fn fingerprint(&self) -> u64 {
-        let meshes: Vec<u64> = self.meshes.par_iter().map(hash).collect();
-        let placements = self.placements.iter();
+        let placed = |Placement { mesh, material, transform }: &Placement| {
+            let mesh = &self.meshes[*mesh as usize];
+            let hash = match transform {
+                None => hash(mesh),
+                Some(transform) => hash(&mesh.moved(transform)),
+            };
+            (hash, *material)
+        };
         let emitters = self.lights.emitters().iter();
         hash(&Content {
-            placements: placements
-                .map(|own| (meshes[own.mesh as usize], own.material, own.transform.as_ref()))
-                .collect(),
+            placements: self.placements.par_iter().map(placed).collect(),
             materials: &self.materials,
             environment: self.lights.environment(),
             emitters: emitters.filter(|emitter| emitter.is_delta()).collect(),
@@ -58,8 +63,16 @@ fn hash(value: &(impl Serialize + ?Sized)) -> u64 {
     hash.digest()
 }
 
-/// Bytes, written as a whole.
+/// Numbers as they are in memory, written as a whole: little-endian, as on every machine that this
+/// program knows.
 struct Bytes<'a>(&'a [u8]);
+
+impl<'a> Bytes<'a> {
+    fn of<T: Pod>(numbers: &'a [T]) -> Self {
+        const { assert!(cfg!(target_endian = "little"), "fingerprints would differ") };
+        Self(bytemuck::cast_slice(numbers))
+    }
+}
 
 impl Serialize for Bytes<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
@@ -67,9 +80,18 @@ impl Serialize for Bytes<'_> {
     }
 }
 
+impl Serialize for Mesh {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Self { name: _, positions, normals, uvs, tangents, colors, triangles, material: _ } =
+            self;
+        let vectors = [positions, normals, tangents, colors].map(|list| Bytes::of(list));
+        (vectors, Bytes::of(uvs), Bytes::of(triangles)).serialize(serializer)
+    }
+}
+
 impl Serialize for Texture {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let texels = Bytes(self.texels().as_flattened());
+        let texels = Bytes::of(self.texels());
         (self.size(), texels, self.sampling()).serialize(serializer)
     }
 }
@@ -78,7 +100,8 @@ impl Serialize for Environment {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let pixels: Vec<_> = self.pixels().collect();
         let inset = self.inset().map(|(grid, pixels)| (grid, pixels.collect::<Vec<_>>()));
-        (self.size(), pixels, self.turn(), inset).serialize(serializer)
+        let inset = inset.as_ref().map(|(grid, pixels)| (grid, Bytes::of(pixels)));
+        (self.size(), Bytes::of(&pixels), self.turn(), inset).serialize(serializer)
     }
 }
 
@@ -92,8 +115,8 @@ mod tests {
     };
     use crate::scene::texture::{Sampling, Wrap};
     use crate::scene::{
-        Arrangement, Directional, Extent, FieldOfView, FisheyeProjection, Mesh, NormalMap, Optics,
-        Placement, Region, Spot,
+        Arrangement, Directional, Extent, FieldOfView, FisheyeProjection, NormalMap, Optics,
+        Region, Spot, Transform,
     };
     use glam::{DAffine3, DVec3, Vec2, Vec3};
     use std::sync::Arc;

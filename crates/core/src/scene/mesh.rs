@@ -4,13 +4,11 @@ use super::triangle::{Corners, to_front};
 use crate::accel::TriangleMesh;
 use crate::base::math::Rgb;
 use glam::{Vec2, Vec3};
-use serde::Serialize;
 
 /// A triangle mesh of one material: in the scene's space, or in its own space if it is instanced.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// Name in its file.
-    #[serde(skip)]
     pub name: String,
     /// Vertex positions, scene units.
     pub positions: Vec<Vec3>,
@@ -27,7 +25,6 @@ pub struct Mesh {
     /// Three vertex indices per triangle, counterclockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`Scene::materials`](super::Scene::materials).
-    #[serde(skip)]
     pub material: u32,
 }
 

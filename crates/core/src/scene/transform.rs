@@ -5,24 +5,20 @@ use crate::accel::{TriangleMesh, instance_transform};
 use crate::base::error::{Error, Result};
 use crate::base::math::Bounds;
 use glam::{DAffine3, DMat3, DMat4, DVec3, Vec3};
-use serde::Serialize;
 
 /// Maximum coordinate, scene units: the limit of the intersection backends.
 pub const MAX_COORDINATE: f32 = TriangleMesh::MAX_COORDINATE;
 
 /// An invertible affine map, kept in f64 so that only the result is rounded.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug)]
 pub struct Transform {
     map: DAffine3,
     /// Inverse transpose of its matrix.
-    #[serde(skip)]
     normals: DMat3,
     /// Determinant of its matrix; negative if it mirrors.
-    #[serde(skip)]
     determinant: f64,
     /// Factor by which the map and its inverse magnify rounding errors of coordinates, component by
     /// component: 1 for translation and scaling along the axes.
-    #[serde(skip)]
     magnification: f64,
     /// If true, the order of a triangle's corners is reversed.
     reverse: bool,
