@@ -288,6 +288,9 @@ struct LightArgs {
     /// Replace the environment by an .exr or .hdr file, or a radiance such as 1
     #[arg(long, value_name = "FILE|RADIANCE", allow_negative_numbers = true)]
     environment: Option<EnvironmentSource>,
+    /// Replace the environment by a sky with these keys of [sky], such as hour = 12
+    #[arg(long, value_name = "KEYS", value_parser = EnvironmentSource::sky, conflicts_with = "environment")]
+    sky: Option<EnvironmentSource>,
     /// Add no default light to a glTF or OBJ file without a usable light source
     #[arg(long)]
     no_fallback_light: bool,
@@ -296,8 +299,9 @@ struct LightArgs {
 impl LightArgs {
     /// Options for loading a scene.
     fn options<'a>(&'a self, camera: Option<&'a str>, strict: bool) -> LoadOptions<'a> {
-        let Self { environment, no_fallback_light } = self;
-        let (environment, no_fallback_light) = (environment.as_ref(), *no_fallback_light);
+        let Self { environment, sky, no_fallback_light } = self;
+        let environment = environment.as_ref().or(sky.as_ref());
+        let no_fallback_light = *no_fallback_light;
         let camera_change = CameraChange::default();
         LoadOptions { camera, strict, environment, no_fallback_light, camera_change }
     }
