@@ -7,6 +7,13 @@ use serde::Serialize;
 /// Quantile of the normal distribution of a two-sided probability of 95 %.
 const NORMAL_95: f64 = 1.959_964;
 
+/// Factor of the light that was hardly seen in the interval. Intervals of light that ten samples in all carry then hold
+/// with 95 to 97 %.
+const UNSEEN_FACTOR: f64 = 3.0;
+
+/// Share of the interval without it from which the light that was hardly seen makes the interval uncertain.
+const UNSEEN_SHARE: f64 = 0.5;
+
 /// Value of a meter and its uncertainty, in the [unit](unit()) of its kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Reading {
@@ -34,6 +41,22 @@ impl Reading {
         let [value, noise, bias, direct] = [value, variance.max(0.0).sqrt(), bias, direct]
             .map(|watts| watts * f64::from(LUMENS_PER_WATT));
         Self { value, noise, bias, expanded: student_95(samples - 1.0) * noise + bias, direct }
+    }
+
+    /// The reading with a wider interval, for light that its samples are expected to miss, in radiometric units.
+    /// theory.md (5e)
+    #[must_use]
+    pub fn with_unseen(self, unseen: f64) -> Self {
+        let unseen = UNSEEN_FACTOR * unseen * f64::from(LUMENS_PER_WATT);
+        Self { expanded: self.expanded + unseen, ..self }
+    }
+
+    /// Returns true if so much of the interval is for light that was hardly seen that it holds less often than it says.
+    /// `samples` is the number of iterations.
+    pub fn saw_little(&self, samples: f64) -> bool {
+        let spread = student_95(samples - 1.0) * self.noise;
+        let unseen = (self.expanded - self.bias - spread) / UNSEEN_FACTOR;
+        unseen > UNSEEN_SHARE * spread && unseen > 1e-3 * self.value
     }
 
     /// A reading that is not known: all numbers are NaN.
@@ -131,6 +154,16 @@ mod tests {
         assert_eq!(Reading::unknown().relative(1.0), f64::INFINITY);
         let lit = Reading::new(1.0, 0.0, 0.0, 0.0, 1e6);
         assert_eq!(lit.if_seen(), lit);
+    }
+
+    #[test]
+    fn light_that_was_hardly_seen_widens_the_interval() {
+        let own = Reading::new(1.0, 1e-4, 0.0, 0.0, 100.0);
+        let wide = own.with_unseen(0.02);
+        let lumens = f64::from(LUMENS_PER_WATT);
+        assert!((wide.expanded - own.expanded - 0.06 * lumens).abs() < 1e-9);
+        assert!(wide.saw_little(100.0) && !own.saw_little(100.0));
+        assert!(!own.with_unseen(0.005).saw_little(100.0));
     }
 
     #[test]

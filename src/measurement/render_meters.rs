@@ -227,16 +227,19 @@ fn readings(state: &RenderState, series: &MeanSeries, columns: &[Range<usize>]) 
     let squared = convergence.squared_bias(&state.stop);
     let bias = (squared.value + squared.deviation).max(0.0).sqrt();
     let of_means = series.variances(image.weights());
-    let of_set = |(columns, variance): (&Range<usize>, f64)| {
+    let (unseen, meters) = (series.unseen(), values.len());
+    let of_set = |(set, (columns, variance)): (usize, (&Range<usize>, f64))| {
         let reading = |column: usize| {
-            Reading::new(values[column], variances[column], bias, direct[column], samples)
+            let (value, direct) = (values[column], direct[column]);
+            let own = Reading::new(value, variances[column], bias, direct, samples);
+            own.with_unseen(unseen[column])
         };
         let mean =
             |values: &[f64]| values[columns.clone()].iter().sum::<f64>() / columns.len() as f64;
         let mean = Reading::new(mean(&values), variance, bias, mean(&direct), samples);
-        (columns.clone().map(reading).collect(), mean)
+        (columns.clone().map(reading).collect(), mean.with_unseen(unseen[meters + set]))
     };
-    columns.iter().zip(of_means).map(of_set).collect()
+    columns.iter().zip(of_means).enumerate().map(of_set).collect()
 }
 
 /// Variance of the mean of each meter. The estimate for a corrected bias subtracts the noise of the correction, and may

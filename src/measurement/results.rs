@@ -51,6 +51,18 @@ impl Measurement {
             self.warnings.push(text);
             self.reached = false;
         }
+        let samples = own.result.state.status.iterations as f64;
+        let meters = || own.readings.iter().flat_map(|(readings, _)| readings);
+        let count = meters().filter(|reading| reading.saw_little(samples)).count();
+        if count > 0 {
+            self.warnings.push(format!(
+                "{name}: not enough light seen by {count} of {} meters of {}: few paths carry much of it, so that \
+                 their intervals hold less often than 95 %",
+                meters().count(),
+                quantity(own.kind)
+            ));
+            self.reached = false;
+        }
         if let Some(failure) = own.result.failure() {
             self.warnings.push(format!("the measurement ended too early: {failure}"));
             self.reached = false;
