@@ -5,7 +5,7 @@ use bdpm::base::error::{Error, Result};
 use bdpm::base::math::Rgb;
 use bdpm::image_io::Metadata;
 use bdpm::import::{RadianceImage, read_radiance};
-use bdpm::light::glare::{Glare, LuminanceImage, SEARCH_ANGLE, THRESHOLD};
+use bdpm::light::glare::{Glare, LuminanceImage, PEAK, SEARCH_ANGLE, SourceSearch, THRESHOLD};
 use bdpm::output::recorded_camera::RecordedCamera;
 use bdpm::scene::FisheyeProjection;
 use bdpm::settings::provenance::Provenance;
@@ -25,6 +25,9 @@ pub struct Args {
     /// Count pixels above this luminance as glare sources, cd/m2
     #[arg(long, value_name = "CD/M2", default_value_t = THRESHOLD)]
     threshold: f64,
+    /// Extract pixels above this luminance from their source, as the sun, cd/m2
+    #[arg(long, value_name = "CD/M2", default_value_t = PEAK)]
+    peak: f64,
     /// Join sources within this angle, radians
     #[arg(long, value_name = "RADIANS", default_value_t = SEARCH_ANGLE)]
     search_angle: f64,
@@ -68,8 +71,9 @@ pub fn run(args: &Args) -> Result<String> {
         let problem = format!("the field of view is {fov} degrees");
         return Err(Error::new(problem, "give an angle above 0, of at most 360 degrees"));
     }
-    if !(in_range(args.threshold, 0.0, f64::MAX) && in_range(args.efficacy, 0.0, f64::MAX)) {
-        return Err(Error::new("the threshold or efficacy is not above 0", "give numbers above 0"));
+    if ![args.threshold, args.peak, args.efficacy].iter().all(|own| in_range(*own, 0.0, f64::MAX)) {
+        let problem = "the threshold, the peak or the efficacy is not above 0";
+        return Err(Error::new(problem, "give numbers above 0"));
     }
     if !in_range(args.search_angle, 0.0, std::f64::consts::PI) {
         let problem = format!("the angle is {} radians", args.search_angle);
@@ -82,7 +86,9 @@ pub fn run(args: &Args) -> Result<String> {
     let scale = (args.efficacy / 683.0) as f32;
     pixels.iter_mut().for_each(|pixel| *pixel *= scale);
     let image = LuminanceImage::new(size, &pixels, projection, fov.to_radians());
-    let glare = Glare::new(&image, args.threshold, args.search_angle);
+    let search =
+        SourceSearch { threshold: args.threshold, peak: args.peak, angle: args.search_angle };
+    let glare = Glare::new(&image, &search);
     if args.json {
         let image = args.image.display().to_string();
         let units = ("cd/m2", "lx");

@@ -109,6 +109,9 @@ fn definition() -> clap::Command {
 /// Status if a render failed after its first iteration and the image so far was written.
 const PARTIAL_RESULT: u8 = 4;
 
+/// Status if a measurement has readings that are unknown.
+const UNKNOWN_READING: u8 = 3;
+
 /// The customary status of a program that SIGINT ended.
 const INTERRUPTED: u8 = 130;
 
@@ -119,16 +122,18 @@ struct Output {
     text: String,
     /// The error that left the result incomplete, if there was one.
     failure: Option<Error>,
+    /// True if the failure is that readings are unknown.
+    is_unknown: bool,
 }
 
 impl From<String> for Output {
     fn from(text: String) -> Self {
-        Self { text, failure: None }
+        Self { text, ..Self::default() }
     }
 }
 
-/// Runs the program: 0 on success, 1 on an error, 2 on wrong usage, 4 if the result is incomplete,
-/// 130 if an interrupt left no result.
+/// Runs the program: 0 on success, 1 on an error, 2 on wrong usage, 3 if readings are unknown, 4 if
+/// the result is incomplete, 130 if an interrupt left no result.
 pub fn run() -> ExitCode {
     let arguments: Vec<OsString> = std::env::args_os().collect();
     let matches = match definition().try_get_matches_from(&arguments) {
@@ -141,11 +146,14 @@ pub fn run() -> ExitCode {
     };
     let output = match command {
         Command::Render(args) => render::run(*args),
+        Command::Measure(args) => measure::run(&args),
         command => run_other(command).map(Output::from),
     };
-    let failure = match output.and_then(|output| print(&output.text).map(|()| output.failure)) {
-        Ok(None) => return ExitCode::SUCCESS,
-        Ok(Some(failure)) => (failure, PARTIAL_RESULT),
+    let printed = output.and_then(|output| print(&output.text).map(|()| output));
+    let failure = match printed.map(|output| (output.failure, output.is_unknown)) {
+        Ok((None, _)) => return ExitCode::SUCCESS,
+        Ok((Some(failure), true)) => (failure, UNKNOWN_READING),
+        Ok((Some(failure), false)) => (failure, PARTIAL_RESULT),
         Err(error) if error.is_interrupt() => (error, INTERRUPTED),
         Err(error) => (error, 1),
     };
@@ -158,11 +166,10 @@ pub fn run() -> ExitCode {
     ExitCode::from(status)
 }
 
-/// Runs any subcommand but `render`, and returns the text to print.
+/// Runs any subcommand but `render` and `measure`, and returns the text to print.
 fn run_other(command: Command) -> Result<String> {
     match command {
-        Command::Render(_) => unreachable!("it has more than a text"),
-        Command::Measure(args) => measure::run(&args),
+        Command::Render(_) | Command::Measure(_) => unreachable!("they have more than a text"),
         Command::Merge(args) => merge::run(&args),
         Command::Analyze(args) => analyze::run(&args),
         Command::Predict(args) => predict::run(&args),
@@ -287,6 +294,9 @@ struct LightArgs {
     /// Replace the environment by an .exr or .hdr file, or a radiance such as 1
     #[arg(long, value_name = "FILE|RADIANCE", allow_negative_numbers = true)]
     environment: Option<EnvironmentSource>,
+    /// Replace the environment by a sky with these keys of [sky], such as hour = 12
+    #[arg(long, value_name = "KEYS", value_parser = EnvironmentSource::sky, conflicts_with = "environment")]
+    sky: Option<EnvironmentSource>,
     /// Add no default light to a glTF or OBJ file without a usable light source
     #[arg(long)]
     no_fallback_light: bool,
@@ -295,8 +305,9 @@ struct LightArgs {
 impl LightArgs {
     /// Options for loading a scene.
     fn options<'a>(&'a self, camera: Option<&'a str>, strict: bool) -> LoadOptions<'a> {
-        let Self { environment, no_fallback_light } = self;
-        let (environment, no_fallback_light) = (environment.as_ref(), *no_fallback_light);
+        let Self { environment, sky, no_fallback_light } = self;
+        let environment = environment.as_ref().or(sky.as_ref());
+        let no_fallback_light = *no_fallback_light;
         let camera_change = CameraChange::default();
         LoadOptions { camera, strict, environment, no_fallback_light, camera_change }
     }

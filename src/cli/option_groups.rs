@@ -17,7 +17,7 @@ const GROUPS: &[Group] = &[
     Group { heading: "Main options", common: &["output", "time", "resolution"], other: &[] },
     Group {
         heading: "Scene",
-        common: &["camera", "environment"],
+        common: &["camera", "environment", "sky"],
         other: &["look_at", "fov", "camera_from", "no_fallback_light", "strict"],
     },
     Group {

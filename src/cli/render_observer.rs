@@ -191,7 +191,7 @@ impl<'a> RenderObserver<'a> {
             (false, false) => text(&report),
         };
         drop(report);
-        Ok(Output { text, failure: result.state.failure.take() })
+        Ok(Output { text, failure: result.state.failure.take(), ..Output::default() })
     }
 }
 

@@ -1,7 +1,9 @@
 //! `[sky]`, insets of environments and `ray_offset` of scene files, and skies of Mitsuba.
 
 use bdpm::base::math::luminance;
-use bdpm::load::{Loaded, export, load};
+use bdpm::base::photometry::LUMENS_PER_WATT;
+use bdpm::import::EnvironmentSource;
+use bdpm::load::{LoadOptions, Loaded, export, load, load_with};
 use glam::Vec3;
 use tempfile::TempDir;
 
@@ -28,33 +30,159 @@ fn horizontal(loaded: &Loaded) -> [f64; 2] {
     let mut rng = StreamKey::new(3, Stream::Test, 0).rng(0);
     let n = 100_000;
     let (mut sum, mut square) = (0.0, 0.0);
-    let at = Receiver { position: Vec3::ZERO, normal: None };
+    let at = Receiver { position: Vec3::ZERO, normal: Some(Vec3::Y) };
     for _ in 0..n {
         let sample = loaded.scene.lights().connect(at, &mut rng);
-        let value = sample.map_or(0.0, |s| f64::from(luminance(s.irradiance) * s.wi.y));
+        let value = sample.map_or(0.0, |s| f64::from(luminance(s.irradiance) * s.wi.y.max(0.0)));
         sum += value / f64::from(n);
         square += value * value / f64::from(n);
     }
     [sum, ((square - sum * sum) / f64::from(n)).sqrt()]
 }
 
+/// Illuminance of the horizontal, lx, and its standard error.
+fn horizontal_lx(loaded: &Loaded) -> [f64; 2] {
+    horizontal(loaded).map(|watts| watts * f64::from(LUMENS_PER_WATT))
+}
+
 #[test]
-fn skies_have_the_given_irradiance_in_the_given_direction() {
+fn skies_have_the_given_illuminance_in_the_given_direction() {
     let sun = Vec3::new(0.6, 0.64, -0.48);
     let place = "sun_direction = [0.6, 0.64, -0.48]\n";
     for (keys, direct, diffuse) in [
-        ("model = 'cie'\ncie_type = 12\ndiffuse = 80\ndirect = 500\n", 500.0, 80.0),
-        ("model = 'cie'\ncie_type = 1\ndiffuse = 80\n", 0.0, 80.0),
-        ("model = 'perez'\ndiffuse = 120\ndirect = 400\nsun_angle_deg = 4\n", 400.0, 120.0),
+        ("model = 'cie'\ncie_type = 12\ndiffuse_lx = 9e3\ndirect_lx = 5e4\n", 5e4, 9e3),
+        ("model = 'cie'\ncie_type = 1\ndiffuse_lx = 9e3\n", 0.0, 9e3),
+        ("model = 'perez'\ndiffuse_lx = 13e3\ndirect_lx = 4e4\nsun_angle_deg = 4\n", 4e4, 13e3),
     ] {
         let loaded = read("", &[place, keys].concat()).unwrap();
-        let [found, error] = horizontal(&loaded);
+        let [found, error] = horizontal_lx(&loaded);
         let expected = diffuse + direct * f64::from(sun.y);
         // Pixels near the horizon are coarse.
         assert!((found - expected).abs() < 4.0 * error + 3e-3 * expected, "{keys} {found} {error}");
         let toward = luminance(loaded.scene.lights().environment_radiance(sun));
-        assert_eq!(toward > 1000.0, direct > 0.0, "{keys}: {toward}");
+        assert_eq!(toward > 100.0, direct > 0.0, "{keys}: {toward}");
         assert_eq!(loaded.scene.lights().environment_radiance(Vec3::NEG_Y), Vec3::ZERO);
+    }
+}
+
+/// Weather data in watts per square meter become lux by the luminous efficacy of Perez et al. 1990,
+/// which is 95 to 120 lm/W on ordinary days.
+#[test]
+fn irradiances_of_weather_data_have_the_efficacy_of_daylight() {
+    let place = "sun_direction = [0.6, 0.64, -0.48]\n";
+    for (model, diffuse, direct) in [
+        ("model = 'perez'\n", 100.0, 800.0),
+        ("model = 'perez'\n", 200.0, 0.0),
+        ("model = 'cie'\ncie_type = 12\n", 100.0, 700.0),
+    ] {
+        let keys = format!("{place}{model}diffuse = {diffuse}\ndirect = {direct}\n");
+        let [found, _] = horizontal_lx(&read("", &keys).unwrap());
+        let efficacy = found / (diffuse + direct * 0.64);
+        assert!((95.0..120.0).contains(&efficacy), "{keys}: {found} lx, {efficacy} lm/W");
+    }
+}
+
+/// Illuminance of the horizontal under clear skies. The bounds are 15 % around the values for clear
+/// skies of the IES (Handbook, 9th edition, section 8: direct illuminance `127,500 exp(-0.21 m)` lx
+/// times the sine of the solar altitude with the air mass `m`, and diffuse illuminance
+/// `800 + 15,500 sqrt(sin)` lx).
+#[test]
+fn clear_skies_have_published_illuminances_at_five_places_and_hours() {
+    for (latitude, longitude, timezone, date, hour) in [
+        (52.5, 13.4, 2.0, [2025, 6, 21], 13.0), // Berlin
+        (52.5, 13.4, 2.0, [2025, 3, 31], 10.0),
+        (1.35, 103.8, 8.0, [2025, 3, 21], 13.0), // Singapore
+        (40.7, -74.0, -5.0, [2025, 12, 21], 12.0), // New York
+        (-33.9, 151.2, 11.0, [2025, 1, 15], 16.0), // Sydney
+    ] {
+        let keys = format!(
+            "latitude = {latitude}\nlongitude = {longitude}\ntimezone = {timezone}\ndate = {date:?}\n\
+             hour = {hour}\nturbidity = 2.5\n"
+        );
+        let loaded = read("", &keys).unwrap();
+        let [found, error] = horizontal_lx(&loaded);
+        let sin = sun_height(&loaded);
+        let degrees = sin.asin().to_degrees();
+        let air_mass = 1.0 / (sin + 0.50572 * (degrees + 6.07995).powf(-1.6364));
+        let expected = 127_500.0 * (-0.21 * air_mass).exp() * sin + 800.0 + 15_500.0 * sin.sqrt();
+        println!(
+            "{latitude} {hour}: sun {degrees:.1} degrees, {found:.0} +- {error:.0} lx, {expected:.0} lx"
+        );
+        assert!((found / expected - 1.0).abs() < 0.15, "{keys}: {found}, not {expected}");
+    }
+}
+
+/// Sine of the altitude of the sun: the brightest of a lattice of directions.
+fn sun_height(loaded: &Loaded) -> f64 {
+    let environment = loaded.scene.lights().environment().unwrap();
+    let n = 1500;
+    let mut best = (0.0, 0.0);
+    for i in 0..n {
+        let y = ((i as f32 + 0.5) / n as f32 * std::f32::consts::FRAC_PI_2).sin();
+        let across = (1.0 - y * y).sqrt();
+        for j in 0..2 * n {
+            let (sin, cos) = (j as f32 / (2 * n) as f32 * std::f32::consts::TAU).sin_cos();
+            let radiance =
+                luminance(environment.radiance(Vec3::new(across * cos, y, across * sin)));
+            if radiance > best.0 {
+                best = (radiance, f64::from(y));
+            }
+        }
+    }
+    best.1
+}
+
+#[test]
+fn overcast_skies_need_no_sun() {
+    for kind in [1, 3, 5] {
+        let keys = format!("model = 'cie'\ncie_type = {kind}\ndiffuse_lx = 10000\n");
+        let [found, error] = horizontal_lx(&read("", &keys).unwrap());
+        assert!((found - 1e4).abs() < 4.0 * error + 30.0, "{kind}: {found} {error}");
+    }
+    for (keys, part) in [
+        ("model = 'cie'\ncie_type = 2\ndiffuse_lx = 1e4", "does not know where the sun is"),
+        ("model = 'cie'\ncie_type = 1\ndiffuse_lx = 1e4\ndirect_lx = 5", "where the sun is"),
+        ("model = 'cie'\ncie_type = 1\ndiffuse = 100", "give `diffuse_lx` in place of `diffuse`"),
+        ("model = 'perez'\ndiffuse_lx = 1e4\ndirect_lx = 0", "does not know where the sun is"),
+    ] {
+        let error = read("", keys).map(|_| ()).expect_err(keys);
+        assert!(error.contains(part), "{keys}: {error}");
+    }
+}
+
+/// A ground of this albedo has the radiance of a diffuse plane under the sky and the sun.
+#[test]
+fn ground_of_an_albedo_reflects_the_light_of_sky_and_sun() {
+    let place = "sun_direction = [0.6, 0.64, -0.48]\n";
+    for keys in [
+        "model = 'cie'\ncie_type = 12\ndiffuse_lx = 9e3\ndirect_lx = 5e4\nalbedo = 0.2\n",
+        "albedo = [0.2, 0.2, 0.2]\n",
+        "albedo = 0.2\nsky_scale = 0\n",
+    ] {
+        let loaded = read("", &[place, keys].concat()).unwrap();
+        let [irradiance, _] = horizontal(&loaded);
+        let down = Vec3::new(0.3, -0.5, 0.2).normalize();
+        let ground = f64::from(luminance(loaded.scene.lights().environment_radiance(down)));
+        let expected = 0.2 * irradiance / std::f64::consts::PI;
+        assert!((ground / expected - 1.0).abs() < 0.01, "{keys}: {ground}, not {expected}");
+    }
+}
+
+#[test]
+fn given_sky_lights_files_that_have_none() {
+    let sky = "model = 'cie', cie_type = 1, diffuse_lx = 10000";
+    let source = EnvironmentSource::sky(sky).unwrap();
+    let folder = folder(&format!("{HEAD}{MESH}[environment]\nradiance = 1\n"));
+    let options = LoadOptions { environment: Some(&source), ..LoadOptions::default() };
+    for name in ["a.toml", "a.obj"] {
+        let [found, _] = horizontal_lx(&load_with(&folder.path().join(name), &options).unwrap());
+        assert!((found / 1e4 - 1.0).abs() < 0.01, "{name}: {found}");
+    }
+    for (keys, part) in
+        [("model = 'dark'", "unknown variant"), ("turbidity = 3", "where the sun is")]
+    {
+        let error = EnvironmentSource::sky(keys).unwrap_err().to_string();
+        assert!(error.contains(part) && error.contains("help: "), "{keys}: {error}");
     }
 }
 

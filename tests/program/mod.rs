@@ -8,6 +8,7 @@ mod goniometer;
 mod interrupts;
 mod limits;
 mod measure;
+mod measure_glass;
 mod merge;
 mod noise;
 mod optimize;

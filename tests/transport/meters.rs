@@ -230,7 +230,7 @@ fn overcast_sky_lights_the_horizontal_as_a_whole_and_through_a_roof_opening() {
     // CIE standard overcast sky: type 1, whose gradation is 1 + 4 exp(-0.7/cos Z).
     let text = "[camera]\nposition = [0, 0, 0]\ntarget = [1, 0, 0]\nup = [0, 0, 1]\nfov_x_deg = 40\n\
                 [[mesh]]\nfile = \"a.obj\"\nmaterial = \"black\"\n[materials.black]\nalbedo = 0\n\
-                [sky]\nmodel = \"cie\"\ncie_type = 1\nsun_direction = [0, 1, 1]\ndiffuse = 10\nsun_scale = 0\n";
+                [sky]\nmodel = \"cie\"\ncie_type = 1\ndiffuse_lx = 6830\n";
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("a.toml"), text).unwrap();
     std::fs::write(folder.path().join("a.obj"), "v 0 0 -9\nv 1 0 -9\nv 0 1 -9\nf 1 2 3\n").unwrap();

@@ -1,5 +1,6 @@
 //! Environments: maps of radiance.
 
+use super::read::toml::sky::SkyTable;
 use super::text::{decoded, open, read_bytes};
 use super::warnings::Warning;
 use bdpm_core::base::error::{Error, Result};
@@ -17,6 +18,8 @@ pub enum EnvironmentSource {
     Radiance(Rgb),
     /// An `.exr` or `.hdr` file in longitude and latitude.
     File(PathBuf),
+    /// A sky by the keys of a `[sky]` table, separated by commas.
+    Sky(String),
 }
 
 impl FromStr for EnvironmentSource {
@@ -42,6 +45,16 @@ impl FromStr for EnvironmentSource {
 }
 
 impl EnvironmentSource {
+    /// A sky by the keys of a `[sky]` table, separated by commas, such as
+    /// `model = "cie", cie_type = 1, diffuse_lx = 10000`.
+    ///
+    /// # Errors
+    /// If there is no such sky.
+    pub fn sky(keys: &str) -> Result<Self> {
+        sky_of_keys(keys)?.environment().map_err(|error| in_keys(&error))?;
+        Ok(Self::Sky(keys.to_owned()))
+    }
+
     /// Reads the environment. Warnings report corrected pixels.
     ///
     /// # Errors
@@ -50,8 +63,27 @@ impl EnvironmentSource {
         match self {
             Self::Radiance(radiance) => Ok(Environment::new(1, 1, vec![*radiance], 0.0)),
             Self::File(path) => from_file(path, Rgb::ONE, 0.0, None, warnings),
+            Self::Sky(keys) => sky_of_keys(keys)?.environment().map_err(|error| in_keys(&error)),
         }
     }
+}
+
+/// The table of a sky by its keys.
+fn sky_of_keys(keys: &str) -> Result<SkyTable> {
+    #[derive(serde::Deserialize)]
+    struct Keys {
+        sky: SkyTable,
+    }
+    let keys: Keys = toml::from_str(&format!("sky = {{ {keys} }}")).map_err(|error| {
+        let advice = "give keys of [sky], such as model = 'cie', cie_type = 1, diffuse_lx = 10000";
+        Error::new(format!("the sky cannot be read: {}", error.message()), advice)
+    })?;
+    Ok(keys.sky)
+}
+
+/// An error of a sky that is not in a file.
+fn in_keys(error: &Error) -> Error {
+    Error::new(format!("the given sky is not valid: {}", error.problem()), error.advice())
 }
 
 /// The environment in a file, times `scale` and turned by `turn_deg` degrees. Another file may be

@@ -3,6 +3,8 @@
 //!
 //! Glare sources are found as by `evalglare` (Wienold and Christoffersen 2006) with its defaults:
 //! pixels above a luminance join the nearest source within an angle, else they begin another one.
+//! Pixels above a higher luminance, such as those of the sun, leave their source and join each
+//! other likewise.
 
 use bdpm_core::base::math::{Rgb, luminance};
 use bdpm_core::base::photometry::LUMENS_PER_WATT;
@@ -12,6 +14,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Luminance above which pixels are glare sources unless given, cd/m^2.
 pub const THRESHOLD: f64 = 2000.0;
+/// Luminance above which pixels are extracted from their source unless given, cd/m^2.
+pub const PEAK: f64 = 50_000.0;
 /// Angle within which pixels belong to one source unless given, radians.
 pub const SEARCH_ANGLE: f64 = 0.2;
 /// Largest position index: a source there has no effect.
@@ -24,7 +28,13 @@ pub struct LuminanceImage {
     /// Direction, solid angle in sr and luminance in cd/m^2 of each pixel in the image circle in
     /// front of the eye.
     pixels: Vec<(DVec3, f64, f64)>,
+    /// Index in `pixels` of each pixel of the image, row by row; [`OUTSIDE`] for others.
+    index: Vec<u32>,
+    width: usize,
 }
+
+/// Index of pixels outside of the image circle.
+const OUTSIDE: u32 = u32::MAX;
 
 impl LuminanceImage {
     /// The pixels of a fisheye image, W/(m^2 sr), whose circle spans the full angle
@@ -64,7 +74,34 @@ impl LuminanceImage {
             let value = f64::from(LUMENS_PER_WATT) * f64::from(luminance(*pixel));
             Some((direction, solid_angle, value))
         };
-        Self { pixels: pixels.iter().enumerate().filter_map(pixel).collect() }
+        let all: Vec<_> = pixels.iter().enumerate().map(pixel).collect();
+        let mut count = 0;
+        let number = |own: &Option<_>| {
+            let index = if own.is_some() { count } else { OUTSIDE };
+            count += u32::from(own.is_some());
+            index
+        };
+        let index = all.iter().map(number).collect();
+        Self { pixels: all.into_iter().flatten().collect(), index, width: width as usize }
+    }
+
+    /// Calls `visit` with the index of each pixel and those of its neighbors, at most eight.
+    fn neighborhoods(&self, mut visit: impl FnMut(usize, &[usize])) {
+        let (width, height) = (self.width, self.index.len() / self.width.max(1));
+        for (at, own) in self.index.iter().enumerate().filter(|(_, own)| **own != OUTSIDE) {
+            let (x, y) = (at % width, at / width);
+            let (mut near, mut count) = ([0; 8], 0);
+            for row in y.saturating_sub(1)..=(y + 1).min(height - 1) {
+                for column in x.saturating_sub(1)..=(x + 1).min(width - 1) {
+                    let other = self.index[row * width + column];
+                    if (row, column) != (y, x) && other != OUTSIDE {
+                        near[count] = other as usize;
+                        count += 1;
+                    }
+                }
+            }
+            visit(*own as usize, &near[..count]);
+        }
     }
 }
 
@@ -152,39 +189,123 @@ pub fn position_index(direction: DVec3) -> f64 {
     exponent.exp().min(MAX_INDEX)
 }
 
-impl Glare {
-    /// Glare of an image with sources above a luminance, cd/m^2, that join within an angle,
-    /// radians.
-    pub fn new(image: &LuminanceImage, threshold: f64, search_angle: f64) -> Self {
-        let vertical: f64 = image.pixels.iter().map(|(w, solid, l)| w.z * solid * l).sum();
+/// Bounds by which glare sources are found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SourceSearch {
+    /// Luminance above which pixels are glare sources, cd/m^2.
+    pub threshold: f64,
+    /// Luminance above which pixels are extracted from their source, cd/m^2.
+    pub peak: f64,
+    /// Angle within which pixels and sources join, radians.
+    pub angle: f64,
+}
+
+impl Default for SourceSearch {
+    fn default() -> Self {
+        Self { threshold: THRESHOLD, peak: PEAK, angle: SEARCH_ANGLE }
+    }
+}
+
+impl SourceSearch {
+    /// Numbers of the sources of all pixels of an image.
+    fn sources(&self, image: &LuminanceImage) -> (Vec<Option<usize>>, usize) {
+        let lit = |luminance: f64| luminance > self.threshold;
+        let (mut owner, count) = self.joined(image, lit);
+        let (peaks, peak_count) = self.joined(image, |luminance| luminance > self.peak);
+        for (owner, peak) in owner.iter_mut().zip(peaks) {
+            *owner = peak.map(|peak| count + peak).or(*owner);
+        }
+        (owner, count + peak_count)
+    }
+
+    /// Sources of the pixels whose luminance is `wanted`.
+    fn joined(
+        &self,
+        image: &LuminanceImage,
+        wanted: impl Fn(f64) -> bool,
+    ) -> (Vec<Option<usize>>, usize) {
         let mut all: Vec<Sums> = Vec::new();
-        let near = search_angle.cos();
-        for pixel in image.pixels.iter().filter(|(_, _, luminance)| *luminance > threshold) {
+        let near = self.angle.cos();
+        let mut owner = vec![None; image.pixels.len()];
+        let pixels = image.pixels.iter().zip(&mut owner);
+        for (pixel, owner) in pixels.filter(|((_, _, luminance), _)| wanted(*luminance)) {
             let cosines = all.iter().map(|sums| sums.center().dot(pixel.0)).enumerate();
             let nearest = cosines.max_by(|(_, a), (_, b)| a.total_cmp(b));
-            match nearest.filter(|(_, cosine)| *cosine > near) {
-                Some((index, _)) => all[index].add(*pixel),
-                None => {
-                    let mut sums = Sums::default();
-                    sums.add(*pixel);
-                    all.push(sums);
-                }
+            let nearest = nearest.filter(|(_, cosine)| *cosine > near);
+            let index = nearest.map_or(all.len(), |(index, _)| index);
+            if index == all.len() {
+                all.push(Sums::default());
             }
+            all[index].add(*pixel);
+            *owner = Some(index);
         }
         // Sources whose centers approached each other are one.
+        let mut names: Vec<usize> = (0..all.len()).collect();
+        let mut left = names.clone();
         let mut index = 0;
-        while index < all.len() {
-            let center = all[index].center();
-            let is_near = |other: &usize| all[*other].center().dot(center) > near;
-            match (index + 1..all.len()).find(is_near) {
+        while index < left.len() {
+            let center = all[left[index]].center();
+            let is_near = |other: &usize| all[left[*other]].center().dot(center) > near;
+            match (index + 1..left.len()).find(is_near) {
                 Some(other) => {
-                    let removed = all.remove(other);
-                    all[index].merge(&removed);
+                    let (kept, removed) = (left[index], left.remove(other));
+                    let sums = all[removed];
+                    all[kept].merge(&sums);
+                    names.iter_mut().filter(|name| **name == removed).for_each(|name| *name = kept);
                     index = 0;
                 }
                 None => index += 1,
             }
         }
+        owner.iter_mut().flatten().for_each(|owner| *owner = names[*owner]);
+        (owner, all.len())
+    }
+}
+
+/// Luminances and solid angles of sources whose edges cross pixels: `[L, omega]`. The luminance is
+/// that of the pixels whose neighbors all belong to the source. The solid angle gives the
+/// illuminance of all pixels with any part of the source; outside of it, the part is what exceeds
+/// the darker neighbors.
+fn with_edges(image: &LuminanceImage, owner: &[Option<usize>], count: usize) -> Vec<[f64; 2]> {
+    let mut inner = vec![Sums::default(); count];
+    let mut weight = vec![0.0; count];
+    image.neighborhoods(|own, near| {
+        let (_, solid, luminance) = image.pixels[own];
+        if let Some(source) = owner[own] {
+            weight[source] += luminance * solid;
+            if near.iter().all(|other| owner[*other] == Some(source)) {
+                inner[source].add(image.pixels[own]);
+            }
+            return;
+        }
+        let source = near.iter().find_map(|other| owner[*other]);
+        let outside = near.iter().filter(|other| owner[**other].is_none());
+        let darkest = outside.map(|other| image.pixels[*other].2).fold(luminance, f64::min);
+        if let Some(source) = source {
+            weight[source] += (luminance - darkest) * solid;
+        }
+    });
+    let of_source = |(inner, weight): (&Sums, &f64)| {
+        let luminance = inner.weight / inner.solid_angle;
+        [luminance, weight / luminance]
+    };
+    inner.iter().zip(&weight).map(of_source).collect()
+}
+
+impl Glare {
+    /// Glare of an image.
+    pub fn new(image: &LuminanceImage, search: &SourceSearch) -> Self {
+        let vertical: f64 = image.pixels.iter().map(|(w, solid, l)| w.z * solid * l).sum();
+        let (owner, count) = search.sources(image);
+        let mut all = vec![Sums::default(); count];
+        for (pixel, owner) in image.pixels.iter().zip(&owner) {
+            if let Some(owner) = owner {
+                all[*owner].add(*pixel);
+            }
+        }
+        let edges = with_edges(image, &owner, count);
+        let is_used = |(sums, _): &(&Sums, &[f64; 2])| sums.solid_angle > 0.0;
+        let used: Vec<(&Sums, &[f64; 2])> = all.iter().zip(&edges).filter(is_used).collect();
         let source = |sums: &Sums| GlareSource {
             luminance: sums.weight / sums.solid_angle,
             solid_angle: sums.solid_angle,
@@ -192,15 +313,22 @@ impl Glare {
             direction: sums.center().to_array(),
             illuminance: sums.illuminance,
         };
-        let mut sources: Vec<GlareSource> = all.iter().map(source).collect();
+        let mut sources: Vec<GlareSource> = used.iter().map(|(sums, _)| source(sums)).collect();
         let strength = |source: &GlareSource| {
             source.luminance.powi(2) * source.solid_angle / source.position_index.powi(2)
         };
-        sources.sort_by(|a, b| strength(b).total_cmp(&strength(a)));
         let sum: f64 = sources.iter().map(strength).sum();
+        // Squares of luminances lose the pixels that a source covers in part.
+        let whole = |(source, (_, [luminance, solid_angle])): (&GlareSource, &(_, &[f64; 2]))| {
+            let own = luminance.powi(2) * solid_angle / source.position_index.powi(2);
+            if own.is_finite() { own } else { strength(source) }
+        };
+        let sum_of_whole: f64 = sources.iter().zip(&used).map(whole).sum();
+        sources.sort_by(|a, b| strength(b).total_cmp(&strength(a)));
         let direct: f64 = sources.iter().map(|source| source.illuminance).sum();
         let background = (vertical - direct).max(0.0) / PI;
-        let ugr = (sum > 0.0 && background > 0.0).then(|| 8.0 * (0.25 / background * sum).log10());
+        let is_rated = sum > 0.0 && background > 0.0;
+        let ugr = is_rated.then(|| 8.0 * (0.25 / background * sum_of_whole).log10());
         Self {
             dgp: probability(vertical, sum),
             ugr,
@@ -222,124 +350,4 @@ fn probability(vertical: f64, sum: f64) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// An image of the whole half-space in front of the eye with this luminance, cd/m^2.
-    fn image(projection: FisheyeProjection, luminance: impl Fn(DVec3) -> f64) -> LuminanceImage {
-        let side = 600;
-        let black = vec![Rgb::ZERO; side * side];
-        let mut own = LuminanceImage::new((side as u32, side as u32), &black, projection, PI);
-        own.pixels.iter_mut().for_each(|(direction, _, value)| *value = luminance(*direction));
-        own
-    }
-
-    #[test]
-    fn uniform_image_has_pi_times_its_luminance_and_no_source() {
-        for projection in FisheyeProjection::ALL {
-            let own = image(projection, |_| 500.0);
-            let solid: f64 = own.pixels.iter().map(|(_, solid, _)| solid).sum();
-            assert!((solid / (2.0 * PI) - 1.0).abs() < 2e-3, "{projection:?}: {solid}");
-            let glare = Glare::new(&own, THRESHOLD, SEARCH_ANGLE);
-            assert!((glare.vertical_illuminance / (500.0 * PI) - 1.0).abs() < 2e-3);
-            assert!(glare.sources.is_empty() && glare.ugr.is_none());
-            let expected = 5.87e-5 * glare.vertical_illuminance + 0.16;
-            assert!((glare.dgp - expected).abs() < 1e-12, "{}", glare.dgp);
-        }
-    }
-
-    #[test]
-    fn disc_of_a_source_has_its_solid_angle_and_rating() {
-        // A disc of 4 degrees at 20 degrees to the right, of 20,000 cd/m^2 before 100 cd/m^2
-        let (sin, cos) = 20f64.to_radians().sin_cos();
-        let center = DVec3::new(sin, 0.0, cos);
-        let half = 2f64.to_radians();
-        let own = image(FisheyeProjection::Equidistant, |w| {
-            if w.dot(center) > half.cos() { 20_000.0 } else { 100.0 }
-        });
-        let glare = Glare::new(&own, THRESHOLD, SEARCH_ANGLE);
-        let [source] = &glare.sources[..] else { panic!("{} sources", glare.sources.len()) };
-        let solid = 2.0 * PI * (1.0 - half.cos());
-        assert!((source.solid_angle / solid - 1.0).abs() < 0.05, "{}", source.solid_angle);
-        assert!((source.luminance - 20_000.0).abs() < 1e-6);
-        // tau = 90 degrees and sigma = 20 degrees
-        let linear: f64 = 35.2 - 0.31889 * 90.0 - 1.22 * (-20.0f64).exp();
-        let square = 21.0 + 0.26667 * 90.0 - 0.002963 * 8100.0;
-        let index = (1e-3 * linear * 20.0 + 1e-5 * square * 400.0).exp();
-        assert!((source.position_index / index - 1.0).abs() < 1e-3);
-        let background = 100.0 * (PI - solid * cos) / PI;
-        assert!((glare.background_luminance / background - 1.0).abs() < 2e-3);
-        let ugr = 8.0 * (0.25 / background * 4e8 * solid / (index * index)).log10();
-        assert!((glare.ugr.unwrap() - ugr).abs() < 0.2, "{:?} {ugr}", glare.ugr);
-    }
-
-    /// Sources: degrees to the right and up, radius in degrees, luminance in cd/m^2.
-    type Sources<'a> = &'a [[f64; 4]];
-
-    /// Background and sources of images, and DGP, UGR, vertical illuminance and background by
-    /// evalglare 3.06: `scripts/radiance_check.py glare`.
-    const BY_EVALGLARE: [(f64, Sources, [f64; 4]); 5] = [
-        (300.0, &[[25.0, 10.0, 12.0, 6000.0]], [0.2936, 25.277, 1635.6, 288.39]),
-        (
-            1500.0,
-            &[[-10.0, 15.0, 10.0, 15_000.0], [30.0, 5.0, 4.0, 40_000.0]],
-            [0.5699, 27.617, 6451.7, 1455.2],
-        ),
-        (30.0, &[[15.0, 20.0, 3.0, 8000.0]], [0.2625, 24.058, 156.31, 29.905]),
-        (
-            200.0,
-            &[[5.0, -20.0, 5.0, 10_000.0], [-40.0, 30.0, 6.0, 5000.0]],
-            [0.2781, 26.078, 958.12, 197.80],
-        ),
-        (
-            80.0,
-            &[[0.0, 35.0, 4.0, 5000.0], [-25.0, 40.0, 4.0, 5000.0], [25.0, 40.0, 4.0, 5000.0]],
-            [0.2009, 17.109, 416.52, 79.030],
-        ),
-    ];
-
-    #[test]
-    fn ratings_are_those_of_evalglare() {
-        for (background, sources, [dgp, ugr, vertical, lum_backg]) in BY_EVALGLARE {
-            let own = image(FisheyeProjection::Equidistant, |w| {
-                let lit = sources.iter().rev().find(|[right, up, radius, _]| {
-                    let ((sx, cx), (sy, cy)) =
-                        (right.to_radians().sin_cos(), up.to_radians().sin_cos());
-                    w.dot(DVec3::new(sx * cy, sy, cx * cy)) > radius.to_radians().cos()
-                });
-                lit.map_or(background, |[_, _, _, luminance]| *luminance)
-            });
-            let glare = Glare::new(&own, THRESHOLD, SEARCH_ANGLE);
-            println!("{} {:?} {glare:?}", glare.dgp, glare.ugr);
-            // The pictures of evalglare have three digits, and its pixels other edges.
-            assert!((glare.dgp - dgp).abs() < 5e-3, "{} {dgp}", glare.dgp);
-            assert!((glare.ugr.unwrap() - ugr).abs() < 0.2, "{:?} {ugr}", glare.ugr);
-            assert!((glare.vertical_illuminance / vertical - 1.0).abs() < 0.01);
-            assert!((glare.background_luminance / lum_backg - 1.0).abs() < 0.02);
-        }
-    }
-
-    #[test]
-    fn distant_parts_are_sources_of_their_own_and_near_ones_join() {
-        let at = |degrees: f64| {
-            let (sin, cos) = degrees.to_radians().sin_cos();
-            DVec3::new(sin, 0.0, cos)
-        };
-        let lit = |w: DVec3| [at(-30.0), at(10.0), at(16.0)].iter().any(|c| w.dot(*c) > 0.9995);
-        let own = image(FisheyeProjection::Equisolid, |w| if lit(w) { 1e4 } else { 50.0 });
-        assert_eq!(Glare::new(&own, THRESHOLD, SEARCH_ANGLE).sources.len(), 2);
-        assert_eq!(Glare::new(&own, THRESHOLD, 0.05).sources.len(), 3);
-        assert_eq!(Glare::new(&own, 2e4, SEARCH_ANGLE).sources.len(), 0);
-    }
-
-    #[test]
-    fn position_index_grows_away_from_the_view_direction() {
-        let at = |up: f64, right: f64| position_index(DVec3::new(right, up, 1.0).normalize());
-        assert!((at(0.0, 0.0) - 1.0).abs() < 1e-9);
-        assert!(at(0.3, 0.0) < at(0.6, 0.0) && at(0.0, 0.3) < at(0.0, 0.6));
-        // beta = atan(0.5 sqrt(1.3225)) = 29.899 degrees
-        let below = (6.49e-3 * 29.899 + 21e-5 * 29.899f64.powi(2)).exp();
-        assert!((at(-0.5, 0.0) - below).abs() < 1e-4, "{}", at(-0.5, 0.0));
-        assert!(at(5.0, 0.0) <= MAX_INDEX);
-    }
-}
+mod tests;

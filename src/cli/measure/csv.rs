@@ -29,7 +29,10 @@ fn table(measurement: &Measurement) -> csv::Result<Vec<u8>> {
                 let [row, column] = [row, column].map(|index| index.to_string());
                 let texts =
                     [as_text(&set.name), row, column, as_text(lights), set.unit().to_owned()];
-                let fields = texts.into_iter().chain(numbers.map(|number| number.to_string()));
+                // Readings that are unknown are empty.
+                let field =
+                    |number: f64| if number.is_nan() { String::new() } else { number.to_string() };
+                let fields = texts.into_iter().chain(numbers.map(field));
                 writer.write_record(fields)?;
             }
         }
@@ -52,24 +55,32 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn names_that_begin_like_a_formula_have_an_apostrophe() {
-        let reading = Reading { value: -2.5, noise: 0.0, bias: 0.0, expanded: 0.0, direct: 1.0 };
-        let set = |name: &str| SetReadings {
-            name: name.to_owned(),
-            kind: MeterKind::Irradiance,
-            grid: [1, 1],
-            readings: vec![reading],
-            mean: reading,
-            groups: vec![("@lamp".to_owned(), vec![reading], reading)],
-        };
-        let names = ["=cmd", "+1", "-1", "@SUM", "\tx", "desk", "a=b", "'=1"];
-        let measurement = Measurement {
-            sets: names.map(set).into(),
+    fn unknown_readings_are_empty() {
+        let set = SetReadings::single("desk", MeterKind::Irradiance, Reading::unknown());
+        let table = String::from_utf8(table(&measurement(vec![set])).unwrap()).unwrap();
+        assert!(table.lines().any(|row| row == "desk,0,0,all,lx,,,,,,"), "{table}");
+    }
+
+    fn measurement(sets: Vec<SetReadings>) -> Measurement {
+        Measurement {
+            sets,
             reached: true,
             time: Duration::ZERO,
             techniques: Vec::new(),
             warnings: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn names_that_begin_like_a_formula_have_an_apostrophe() {
+        let reading = Reading { value: -2.5, noise: 0.0, bias: 0.0, expanded: 0.0, direct: 1.0 };
+        let set = |name: &str| {
+            let mut set = SetReadings::single(name, MeterKind::Irradiance, reading);
+            set.groups = vec![("@lamp".to_owned(), vec![reading], reading)];
+            set
         };
+        let names = ["=cmd", "+1", "-1", "@SUM", "\tx", "desk", "a=b", "'=1"];
+        let measurement = measurement(names.map(set).into());
         let table = String::from_utf8(table(&measurement).unwrap()).unwrap();
         let rows: Vec<&str> = table.lines().skip(1).collect();
         let expected = ["'=cmd", "'+1", "'-1", "'@SUM", "'\tx", "desk", "a=b", "'=1"];

@@ -4,7 +4,12 @@ use bdpm::measurement::Reading;
 
 /// Decimal places that show two digits of the uncertainty.
 pub fn digits(reading: &Reading) -> usize {
-    let size = reading.expanded.abs();
+    digits_of(reading.expanded)
+}
+
+/// Decimal places that show two digits of this uncertainty.
+pub fn digits_of(expanded: f64) -> usize {
+    let size = expanded.abs();
     if !(size > 0.0 && size.is_finite()) {
         return 1;
     }

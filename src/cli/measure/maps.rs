@@ -45,12 +45,15 @@ pub fn write(folder: &Path, measurement: &Measurement, attempts: &mut Attempts) 
 
 fn captions(set: &SetReadings) -> Vec<String> {
     let places = digits(&set.mean);
-    let [low, high] = set.range();
-    let (unit, mean) = (set.unit(), &set.mean);
+    let [low, high] = set.extremes().map(|extreme| extreme.value);
+    let (unit, mean, uniformity) = (set.unit(), &set.mean, set.uniformity());
     vec![
         format!("{} of {}", quantity(set.kind), set.name),
         format!("mean {:.places$} {unit} +- {:.places$} (95 %)", mean.value, mean.expanded),
-        format!("{low:.0} to {high:.0} {unit}, uniformity {:.3}", set.uniformity()),
+        format!(
+            "{low:.0} to {high:.0} {unit}, uniformity {:.3} +- {:.3}",
+            uniformity.value, uniformity.expanded
+        ),
     ]
 }
 

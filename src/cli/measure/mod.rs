@@ -13,12 +13,12 @@ use super::progress::{Progress, ProgressFormat};
 use super::render::share;
 use super::scene_input::{SceneInput, SessionArgs};
 use super::settings_args::with_chosen_default;
-use super::{human_time, json, print, say};
-use bdpm::MeasureJob;
+use super::{Output as Outcome, human_time, json, print, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::import::read_meters;
 use bdpm::measurement::MeasureProgress;
 use bdpm::scene::MeterSet;
+use bdpm::{MeasureJob, Measurement};
 use clap::Arg;
 use report::MeasureReport;
 use std::ops::ControlFlow;
@@ -68,7 +68,7 @@ pub struct Args {
     report: Option<PathBuf>,
 }
 
-pub fn run(args: &Args) -> Result<String> {
+pub fn run(args: &Args) -> Result<Outcome> {
     let session = &args.session;
     if session.scene.settings.resolution.is_some() {
         let problem = "a measurement has no resolution";
@@ -106,6 +106,10 @@ pub fn run(args: &Args) -> Result<String> {
             show(&progress, session.progress_format(), &mut last_shown);
             ControlFlow::Continue(())
         })?;
+    let unknown = unknown(&measurement);
+    if let Some(error) = unknown.as_ref().filter(|_| session.scene.strict) {
+        return Err(Error::new(error.problem(), error.advice()));
+    }
     if !session.quiet {
         measurement.warnings.iter().for_each(|warning| say(&format!("note: {warning}")));
     }
@@ -127,7 +131,21 @@ pub fn run(args: &Args) -> Result<String> {
         print(&readings)?;
         return Err(error);
     }
-    Ok(readings)
+    let is_unknown = unknown.is_some();
+    Ok(Outcome { text: readings, failure: unknown, is_unknown })
+}
+
+/// An error that names the sets with readings that are unknown, if there are any.
+fn unknown(measurement: &Measurement) -> Option<Error> {
+    let sets = measurement.unknown();
+    let of_set = |(name, count): &(&str, usize)| match count {
+        1 => format!("`{name}`"),
+        count => format!("{count} of `{name}`"),
+    };
+    let names: Vec<String> = sets.iter().map(of_set).collect();
+    let advice = "no path with light arrived: check that light can reach the meters, or measure for a longer time";
+    (!names.is_empty())
+        .then(|| Error::new(format!("readings are unknown: {}", names.join(", ")), advice))
 }
 
 /// Files of `--maps` for these sets. Creates the folder.

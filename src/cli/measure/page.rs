@@ -1,11 +1,11 @@
 //! A measurement as an HTML page without external resources.
 
-use super::digits::digits;
+use super::digits::{digits, digits_of};
 use crate::cli::human_time;
 use bdpm::Measurement;
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::Result;
-use bdpm::measurement::{Reading, SetReadings, quantity};
+use bdpm::measurement::{Estimated, Reading, SetReadings, quantity};
 use bdpm::report::number::fixed;
 use bdpm::report::picture::{Colors, Picture};
 use bdpm::report::{document, header, table};
@@ -66,19 +66,47 @@ fn readings(measurement: &Measurement) -> Markup {
 }
 
 fn extremes(set: &SetReadings) -> Markup {
-    let by_value = |a: &&Reading, b: &&Reading| a.value.total_cmp(&b.value);
-    let minimum = set.readings.iter().min_by(by_value).expect("a grid has meters");
-    let maximum = set.readings.iter().max_by(by_value).expect("a grid has meters");
+    let [least, most] = set.extremes();
     html! {
-        (row("minimum", "all", set, minimum))
-        (row("maximum", "all", set, maximum))
-        tr { td .text { "uniformity U0" } td .text {} td { (format!("{:.3}", set.uniformity())) } }
+        (extreme("minimum", &least, set.unit()))
+        (extreme("maximum", &most, set.unit()))
+        (extreme("uniformity U0", &set.uniformity(), ""))
+        (extreme("diversity Ud", &set.diversity(), ""))
+    }
+}
+
+/// A row of a quantity of a whole grid.
+fn extreme(label: &str, own: &Estimated, unit: &str) -> Markup {
+    let digits = digits_of(own.expanded);
+    html! {
+        tr {
+            td .text { (label) }
+            td .text {}
+            @if own.value.is_nan() {
+                td { "unknown" }
+                td {}
+            } @else {
+                td { (fixed(own.value, digits)) " " (unit) }
+                td { "±" (fixed(own.expanded, digits)) }
+            }
+            @for _ in 0..4 { td {} }
+        }
     }
 }
 
 fn row(label: &str, lights: &str, set: &SetReadings, reading: &Reading) -> Markup {
     let Reading { value, noise, bias, expanded, direct } = *reading;
     let shown = |value: f64| fixed(value, digits(reading));
+    if !reading.is_known() {
+        return html! {
+            tr {
+                td .text { (label) }
+                td .text { (lights) }
+                td { "unknown" }
+                @for _ in 0..5 { td {} }
+            }
+        };
+    }
     html! {
         tr {
             td .text { (label) }

@@ -30,10 +30,18 @@ struct SetReport<'a> {
     columns: u32,
     rows: u32,
     mean: ReadingReport,
+    /// Minimum, maximum and uniformities of the true values, each with half of the width of its
+    /// interval.
     minimum: f64,
+    minimum_expanded: f64,
     maximum: f64,
-    /// Smallest value over the mean.
+    maximum_expanded: f64,
+    /// Minimum over the mean.
     uniformity: f64,
+    uniformity_expanded: f64,
+    /// Minimum over the maximum.
+    diversity: f64,
+    diversity_expanded: f64,
     /// Row by row.
     readings: Vec<ReadingReport>,
     /// Readings under each group of lights alone. Their errors are independent.
@@ -78,7 +86,8 @@ impl<'a> MeasureReport<'a> {
 
 impl<'a> SetReport<'a> {
     fn new(set: &'a SetReadings) -> Self {
-        let [minimum, maximum] = set.range();
+        let [minimum, maximum] = set.extremes();
+        let (uniformity, diversity) = (set.uniformity(), set.diversity());
         let readings = |own: &[Reading]| own.iter().map(ReadingReport::from).collect();
         let group = |(name, own, mean): &'a (String, Vec<Reading>, Reading)| GroupReport {
             name,
@@ -92,9 +101,14 @@ impl<'a> SetReport<'a> {
             columns: set.grid[0],
             rows: set.grid[1],
             mean: (&set.mean).into(),
-            minimum,
-            maximum,
-            uniformity: set.uniformity(),
+            minimum: minimum.value,
+            minimum_expanded: minimum.expanded,
+            maximum: maximum.value,
+            maximum_expanded: maximum.expanded,
+            uniformity: uniformity.value,
+            uniformity_expanded: uniformity.expanded,
+            diversity: diversity.value,
+            diversity_expanded: diversity.expanded,
             readings: readings(&set.readings),
             groups: set.groups.iter().map(group).collect(),
         }

@@ -1,9 +1,9 @@
 //! The table that `bdpm measure` prints.
 
-use super::digits::digits;
+use super::digits::{digits, digits_of};
 use crate::cli::human_time;
 use bdpm::Measurement;
-use bdpm::measurement::{Reading, SetReadings, unit};
+use bdpm::measurement::{Estimated, Reading, SetReadings, unit};
 use std::fmt::Write;
 
 pub fn text(measurement: &Measurement) -> String {
@@ -33,6 +33,10 @@ const PLAIN: &str = "strings take everything";
 
 fn rows(text: &mut String, set: &SetReadings, width: usize) {
     let mut line = |name: &str, reading: &Reading| {
+        if !reading.is_known() {
+            writeln!(text, "{name:<width$} {:>11}", "unknown").expect(PLAIN);
+            return;
+        }
         let digits = digits(reading);
         let number = |value: f64| format!("{value:.digits$}");
         writeln!(
@@ -64,14 +68,34 @@ fn rows(text: &mut String, set: &SetReadings, width: usize) {
     for (group, _, mean) in &set.groups {
         line(&format!("  {group}"), mean);
     }
-    let by_value = |a: &&Reading, b: &&Reading| a.value.total_cmp(&b.value);
-    for (label, reading) in [
-        ("minimum", set.readings.iter().min_by(by_value)),
-        ("maximum", set.readings.iter().max_by(by_value)),
-    ] {
-        line(&format!("{name}: {label}"), reading.expect("a grid has meters"));
+    for (label, extreme) in ["minimum", "maximum"].iter().zip(set.extremes()) {
+        let name = format!("{name}: {label}");
+        writeln!(text, "{name:<width$} {}", extreme_text(&extreme, unit(set.kind))).expect(PLAIN);
     }
     let [columns, rows] = set.grid;
-    writeln!(text, "{name}: {columns} by {rows} meters, uniformity {:.3}", set.uniformity())
-        .expect(PLAIN);
+    let [uniformity, diversity] = [set.uniformity(), set.diversity()].map(|own| ratio(&own));
+    writeln!(
+        text,
+        "{name}: {columns} by {rows} meters, uniformity U0 {uniformity}, diversity Ud {diversity}"
+    )
+    .expect(PLAIN);
+}
+
+/// A minimum or maximum in the columns of values and uncertainties.
+fn extreme_text(extreme: &Estimated, unit: &str) -> String {
+    if extreme.value.is_nan() {
+        return format!("{:>11}", "unknown");
+    }
+    let digits = digits_of(extreme.expanded);
+    let Estimated { value, expanded } = *extreme;
+    let relative = format!("{:.2} %", 100.0 * expanded / value);
+    format!("{:>11} {expanded:>10.digits$} {relative:>7}", format!("{value:.digits$} {unit}"))
+}
+
+/// A ratio with its uncertainty.
+fn ratio(own: &Estimated) -> String {
+    if own.value.is_nan() {
+        return "unknown".to_owned();
+    }
+    format!("{:.3} +- {:.3}", own.value, own.expanded)
 }

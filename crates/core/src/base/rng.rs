@@ -26,6 +26,11 @@ pub enum Stream {
     Denoiser = 9,
     /// One stream per light path of a goniophotometer.
     Goniometer = 10,
+    /// One stream per light path that finds out which light arrives at meters by mirrors and
+    /// through glass.
+    MeterPilot = 31,
+    /// One stream per light path whose photons are merged at meters.
+    MeterPhotons = 32,
 }
 
 /// Index of camera path `path` of `pixel` in the stream [`Stream::CameraPath`].

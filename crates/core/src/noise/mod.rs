@@ -22,6 +22,7 @@ pub mod pair_table;
 pub mod pairs;
 #[cfg(feature = "pictures")]
 pub mod picture;
+pub mod rare_light;
 pub mod region;
 pub mod schedule;
 pub mod significance;

@@ -90,6 +90,8 @@ pub struct Meters {
     pub kind: MeterKind,
     /// At least one. Meter `i` is the pixel in column `i` of an image of one row.
     pub list: Vec<Meter>,
+    /// True if the scene may have clear panes, through which meters are connected with lights.
+    pub(crate) may_have_panes: bool,
 }
 
 impl Meters {
@@ -176,7 +178,8 @@ impl Scene {
         for meter in &mut list {
             meter.position += self.offset_at(meter.position) * meter.normal;
         }
-        Self { meters: Some(Meters { kind, list }.into()), ..self.clone() }
+        let may_have_panes = self.has_panes();
+        Self { meters: Some(Meters { kind, list, may_have_panes }.into()), ..self.clone() }
     }
 
     /// The meters that take the place of the camera, if there are any.

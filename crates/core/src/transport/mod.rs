@@ -14,6 +14,7 @@ pub mod light_paths;
 pub mod medium_kernel;
 pub mod medium_photons;
 pub mod merge;
+pub mod meter_photons;
 pub mod mis;
 pub mod pair_list;
 pub mod photon;

@@ -38,7 +38,8 @@ impl Columns<16> for PathStates {
 /// | bits | content |
 /// |---|---|
 /// | 10 | number of vertices at which it scattered diffusely |
-/// | 6 | number of vertices through which it passed, at most 63 |
+/// | 5 | number of vertices through which it passed, at most 31 |
+/// | 1 | it went straight through a slab |
 /// | 6 | the media around it, a [`MediumState`] |
 /// | 10 | index of its wavelength, 0 for none |
 ///
@@ -52,13 +53,15 @@ impl History {
     const DIFFUSE: u32 = (1 << 10) - 1;
     /// Start and largest number of the vertices that the path passed through.
     const PASSED_AT: u32 = 10;
-    const PASSED: u32 = (1 << 6) - 1;
+    const PASSED: u32 = (1 << 5) - 1;
+    /// Set if the path went straight through a slab between parallel faces.
+    const SLAB: u32 = 1 << 15;
     /// Start of the media.
     const MEDIA_AT: u32 = 16;
     const MEDIA: u32 = MediumState::COUNT as u32 - 1;
     /// Start of the wavelength.
     const WAVELENGTH_AT: u32 = 22;
-    /// Bits of both numbers.
+    /// Bits of both numbers and of the slab.
     const VERTICES: u32 = (1 << Self::MEDIA_AT) - 1;
 
     /// A path of this wavelength at its diffuse vertex of this number, at most 1023.
@@ -72,7 +75,7 @@ impl History {
         self.0 & Self::DIFFUSE
     }
 
-    /// Vertices through which the path passed, at most 63.
+    /// Vertices through which the path passed, at most 31.
     #[inline(always)]
     pub fn passed(self) -> u32 {
         self.0 >> Self::PASSED_AT & Self::PASSED
@@ -91,10 +94,23 @@ impl History {
         Self(self.0 + (u32::from(self.passed() < Self::PASSED) << Self::PASSED_AT))
     }
 
-    /// Returns true if there is no vertex of either kind.
+    /// Returns true if there is no vertex of either kind. Sheets that the path went straight
+    /// through do not count.
     #[inline(always)]
     pub fn is_start(self) -> bool {
         self.0 & Self::VERTICES == 0
+    }
+
+    /// Returns true if the path has only gone straight through panes, or through nothing.
+    #[inline(always)]
+    pub fn is_straight(self) -> bool {
+        self.0 & (Self::VERTICES & !Self::SLAB) == 0
+    }
+
+    /// Records that the path goes straight through a slab.
+    #[must_use]
+    pub fn through_slab(self) -> Self {
+        Self(self.0 | Self::SLAB)
     }
 
     /// The media around the path.
@@ -216,6 +232,14 @@ mod tests {
     }
 
     #[test]
+    fn slabs_leave_paths_straight_but_not_at_their_start() {
+        let history = History::default().through_slab();
+        assert!(history.is_straight() && !history.is_start());
+        assert_eq!((history.diffuse(), history.passed()), (0, 0));
+        assert!(!history.passed_through().is_straight() && !history.scattered().is_straight());
+    }
+
+    #[test]
     fn full_counts_stay() {
         let mut history = History::default().within(MediumState(9));
         for _ in 0..2000 {
@@ -223,7 +247,7 @@ mod tests {
         }
         assert_eq!(
             (history.diffuse(), history.passed(), history.media()),
-            (1023, 63, MediumState(9))
+            (1023, 31, MediumState(9))
         );
     }
 
@@ -235,10 +259,10 @@ mod tests {
         for _ in 0..2000 {
             history = history.scattered().passed_through();
         }
-        assert_eq!((history.diffuse(), history.passed()), (1023, 63));
+        assert_eq!((history.diffuse(), history.passed()), (1023, 31));
         assert_eq!(history.wavelength(), wavelength);
         let other = history.with_wavelength(Wavelength::from_index(1));
-        assert_eq!((other.diffuse(), other.passed(), other.wavelength_index()), (1023, 63, 1));
+        assert_eq!((other.diffuse(), other.passed(), other.wavelength_index()), (1023, 31, 1));
         assert_eq!(other.with_wavelength(None).wavelength(), None);
     }
 }

@@ -8,7 +8,7 @@ mod mtl;
 mod obj;
 mod pbrt;
 mod ply;
-mod toml;
+pub mod toml;
 
 pub use meters::read_meters;
 pub use toml::keys::render_settings;

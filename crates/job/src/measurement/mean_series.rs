@@ -1,8 +1,9 @@
-//! Means over the meters of a set in each iteration. Meters share light paths, so that the variance
-//! of their mean does not follow from those of the single meters.
+//! Means over the meters of a set in each iteration, and light that was hardly seen. Meters share
+//! light paths, so that the variance of their mean does not follow from those of the single meters.
 
 use crate::job::RenderState;
 use bdpm_core::film::radiance::luminance;
+use bdpm_core::noise::rare_light::RareLight;
 use std::ops::Range;
 
 /// Sums over the iterations of a block.
@@ -36,12 +37,29 @@ pub struct MeanSeries {
     blocks: Vec<Vec<Moments>>,
     /// Sum of each set over the iterations of the latest block.
     latest: Vec<f64>,
+    /// Sum of each meter over the iterations of the latest block.
+    latest_of_meters: Vec<f64>,
+    /// Values of each meter in all iterations, by classes; then those of each set.
+    rare: Vec<RareLight>,
 }
 
 impl MeanSeries {
     /// An empty series of sets of meters in these columns of the image.
     pub fn new(sets: Vec<Range<usize>>) -> Self {
-        Self { blocks: Vec::new(), latest: Vec::new(), sets }
+        let meters = sets.last().map_or(0, |set| set.end);
+        Self {
+            blocks: Vec::new(),
+            latest: Vec::new(),
+            latest_of_meters: vec![0.0; meters],
+            rare: vec![RareLight::default(); meters + sets.len()],
+            sets,
+        }
+    }
+
+    /// Light that all iterations are expected to miss, of each meter and then of the mean of each
+    /// set, W/m^2.
+    pub fn unseen(&self) -> Vec<f64> {
+        self.rare.iter().map(RareLight::unseen).collect()
     }
 
     /// Adds the latest iteration. Starts again if the image did.
@@ -50,16 +68,25 @@ impl MeanSeries {
         let film = &blocks[blocks.len() - 1].film;
         if blocks.len() < self.blocks.len() || film.iterations == 1 && blocks.len() == 1 {
             self.blocks.clear();
+            self.rare.fill(RareLight::default());
         }
         if blocks.len() > self.blocks.len() {
+            self.latest_of_meters.fill(0.0);
             self.blocks.resize(blocks.len(), vec![Moments::default(); self.sets.len()]);
             self.latest = vec![0.0; self.sets.len()];
         }
         let sums = film.sums.map_rows(|pixel| luminance(pixel.radiance));
         let moments = self.blocks.last_mut().expect("resized");
-        for ((set, latest), moments) in self.sets.iter().zip(&mut self.latest).zip(moments) {
+        let (of_meters, of_sets) = self.rare.split_at_mut(self.latest_of_meters.len());
+        for ((sum, latest), rare) in sums.iter().zip(&mut self.latest_of_meters).zip(of_meters) {
+            rare.add(sum - *latest);
+            *latest = *sum;
+        }
+        let sets = self.sets.iter().zip(&mut self.latest).zip(moments).zip(of_sets);
+        for (((set, latest), moments), rare) in sets {
             let sum = sums[set.clone()].iter().sum::<f64>() / set.len() as f64;
             moments.add(sum - *latest);
+            rare.add(sum - *latest);
             *latest = sum;
         }
     }
@@ -98,8 +125,7 @@ mod tests {
             vec![moments]
         };
         let blocks = vec![block(&[1.0, 3.0]), block(&[2.0, 2.5, 1.5])];
-        let series =
-            MeanSeries { sets: std::iter::once(0..1).collect(), blocks, latest: vec![0.0] };
+        let series = MeanSeries { blocks, ..MeanSeries::new(std::iter::once(0..1).collect()) };
         // Sample variances 2 and 0.25.
         let [variance] = series.variances(&[0.5, 4.0])[..] else { unreachable!() };
         let expected = (0.25 * 2.0 * 2.0 + 16.0 * 3.0 * 0.25) / 13.0f64.powi(2);

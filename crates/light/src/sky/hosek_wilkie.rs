@@ -22,6 +22,11 @@ const SUN_ELEVATIONS: usize = 30;
 const RADIANCE_AT: usize = TURBIDITIES * 2 * CONTROL_POINTS * 3 * PARAMETERS;
 const SUN_AT: usize = RADIANCE_AT + TURBIDITIES * 2 * CONTROL_POINTS * 3;
 
+/// Integral of the CIE 1931 luminosity function over the wavelength, nm. The tables divide by it,
+/// hence their luminance is a mean of the spectral radiance, W/(m^2 sr nm). Times this width and
+/// 683 lm/W it is the luminance in cd/m^2.
+pub const LUMINOUS_WIDTH: f32 = 106.856_895;
+
 /// The number with this index in the tables.
 fn table(index: usize) -> f64 {
     let bytes: [u8; 4] = TABLES[4 * index..4 * index + 4].try_into().expect("four bytes");
@@ -33,7 +38,7 @@ fn table(index: usize) -> f64 {
 pub struct HosekWilkie {
     /// For each channel.
     parameters: [[f64; PARAMETERS]; 3],
-    /// Mean radiance of each channel, W/(m^2 sr).
+    /// Mean spectral radiance of each channel, W/(m^2 sr nm).
     radiance: [f64; 3],
     /// Unit vector toward the sun.
     sun: DVec3,
@@ -82,8 +87,14 @@ impl HosekWilkie {
         }
     }
 
-    /// Radiance from a unit direction, W/(m^2 sr); 0 from below the horizon. Channels outside the
-    /// gamut become 0. theory.md (19a).
+    /// The sky with `factor` times its radiance.
+    #[must_use]
+    pub fn times(self, factor: f32) -> Self {
+        Self { radiance: self.radiance.map(|mean| mean * f64::from(factor)), ..self }
+    }
+
+    /// Spectral radiance from a unit direction, W/(m^2 sr nm); 0 from below the horizon. Channels
+    /// outside the gamut become 0. theory.md (19a).
     pub fn radiance(&self, direction: DVec3) -> Rgb {
         let cos_zenith = direction.y;
         if cos_zenith < 0.0 {
@@ -103,7 +114,8 @@ impl HosekWilkie {
     }
 }
 
-/// Irradiance of a surface that faces the sun, W/m^2, at a turbidity and an elevation in radians.
+/// Spectral irradiance of a surface that faces the sun, W/(m^2 nm), at a turbidity and an elevation
+/// in radians.
 pub fn sun_irradiance(turbidity: f64, elevation: f64) -> Rgb {
     let at = ((elevation.to_degrees() - 2.0) / 3.0).clamp(0.0, (SUN_ELEVATIONS - 1) as f64);
     let low = (at as usize).min(SUN_ELEVATIONS - 2);

@@ -2,9 +2,10 @@
 //! the all-weather model of Perez, Seals and Michalsky, *All-Weather Model for Sky Luminance
 //! Distribution* (1993).
 
+use super::efficacy::SkyCondition;
 use bdpm_core::base::error::{Error, Result};
 use glam::DVec3;
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Parameters `a` to `e` of the types 1 to 15 of the CIE general sky: ISO 15469:2004, table 1.
 const CIE: [[f64; 5]; 15] = [
@@ -24,9 +25,6 @@ const CIE: [[f64; 5]; 15] = [
     [-1.0, -0.15, 16.0, -3.0, 0.30],
     [-1.0, -0.15, 24.0, -2.8, 0.15],
 ];
-
-/// Upper bounds of the clearness of the first seven categories.
-const CLEARNESS: [f64; 7] = [1.065, 1.23, 1.5, 1.95, 2.8, 4.5, 6.2];
 
 /// Coefficients 1 to 4 of `a` to `e` for each category of clearness: Perez et al. 1993, table 1.
 const PEREZ: [[[f64; 4]; 5]; 8] = [
@@ -88,11 +86,25 @@ const PEREZ: [[[f64; 4]; 5]; 8] = [
     ],
 ];
 
-/// Extraterrestrial normal irradiance, W/m^2, as in the model of 1993.
-const SOLAR_CONSTANT: f64 = 1367.0;
-
 /// Least cosine of the zenith angle in the gradation toward the horizon.
 const LEAST_COSINE: f64 = 0.01;
+
+/// Irradiance of the horizontal by the radiance of the directions above it, W/m^2.
+pub(super) fn horizontal_irradiance(radiance: impl Fn(DVec3) -> DVec3) -> DVec3 {
+    // Midpoints in the squared cosine: its measure is that of the projected solid angle.
+    const STEPS: u32 = 512;
+    let middle = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
+    let mut sum = DVec3::ZERO;
+    for i in 0..STEPS {
+        let y = middle(i).sqrt();
+        let across = (1.0 - y * y).sqrt();
+        for j in 0..STEPS {
+            let (sin, cos) = (TAU * middle(j)).sin_cos();
+            sum += radiance(DVec3::new(across * cos, y, across * sin));
+        }
+    }
+    sum * PI / f64::from(STEPS * STEPS)
+}
 
 /// A sky whose radiance is a gradation by the zenith angle, times an indicatrix by the angle to the
 /// sun.
@@ -127,28 +139,21 @@ impl LuminanceDistribution {
         Ok(Self { a, b, c, d, e, offset, sun, scale: 1.0 }.scaled(irradiance))
     }
 
-    /// The sky with these irradiances: diffuse on the horizontal, and direct on a surface that
-    /// faces the sun, W/m^2. `eccentricity` is the squared ratio of the mean distance to the sun to
-    /// the distance on that day.
+    /// The sky of a condition with this horizontal irradiance, W/m^2.
     ///
     /// # Errors
     /// If there is no such sky: the diffuse irradiance is too small or too large.
-    pub fn perez(diffuse: f64, direct: f64, sun: DVec3, eccentricity: f64) -> Result<Self> {
-        let zenith = sun.y.clamp(0.0, 1.0).acos();
-        // Equations (1) and (2) of Perez et al.; theory.md (19c)
-        let cubed = 1.041 * zenith.powi(3);
-        let clearness = ((diffuse + direct) / diffuse + cubed) / (1.0 + cubed);
-        let degrees = zenith.to_degrees();
-        let air_mass = 1.0 / (zenith.cos() + 0.15 * (93.885 - degrees).powf(-1.253));
-        let brightness = diffuse * air_mass / (SOLAR_CONSTANT * eccentricity);
+    pub fn perez(condition: SkyCondition, irradiance: f64, sun: DVec3) -> Result<Self> {
+        let SkyCondition { zenith, clearness, brightness } = condition;
         if !(0.01..=0.6).contains(&brightness) || !(1.0..=12.1).contains(&clearness) {
             let problem = format!(
                 "no sky of Perez has the clearness {clearness:.3} and the brightness {brightness:.3}"
             );
-            let advice = "give irradiances with a clearness from 1 to 12.1 and a brightness from 0.01 to 0.6";
+            let advice =
+                "give light with a clearness from 1 to 12.1 and a brightness from 0.01 to 0.6";
             return Err(Error::new(problem, advice));
         }
-        let category = CLEARNESS.iter().take_while(|bound| clearness >= **bound).count();
+        let category = condition.category();
         let is_corrected = clearness > 1.065 && clearness < 2.8;
         let brightness = if is_corrected { brightness.max(0.2) } else { brightness };
         let [a, b, c, d, e] = PEREZ[category];
@@ -165,25 +170,19 @@ impl LuminanceDistribution {
             [linear(c), linear(d)]
         };
         let [a, b, e] = [a, b, e].map(linear);
-        Ok(Self { a, b, c, d, e, offset: 0.0, sun, scale: 1.0 }.scaled(diffuse))
+        Ok(Self { a, b, c, d, e, offset: 0.0, sun, scale: 1.0 }.scaled(irradiance))
     }
 
     /// This distribution with this horizontal irradiance, W/m^2.
     fn scaled(self, irradiance: f64) -> Self {
-        // Midpoints in the squared cosine: its measure is that of the projected solid angle.
-        const STEPS: u32 = 512;
-        let middle = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
-        let mut sum = 0.0;
-        for i in 0..STEPS {
-            let y = middle(i).sqrt();
-            let across = (1.0 - y * y).sqrt();
-            for j in 0..STEPS {
-                let (sin, cos) = (TAU * middle(j)).sin_cos();
-                sum += self.radiance(DVec3::new(across * cos, y, across * sin));
-            }
-        }
-        let own = sum * std::f64::consts::PI / f64::from(STEPS * STEPS);
+        let own = horizontal_irradiance(|direction| DVec3::splat(self.radiance(direction))).x;
         Self { scale: irradiance / own, ..self }
+    }
+
+    /// Returns true if a type of the CIE general sky is the same for all positions of the sun.
+    pub fn is_sunless(kind: u32) -> bool {
+        let found = (kind as usize).checked_sub(1).and_then(|index| CIE.get(index));
+        found.is_some_and(|&[_, _, c, _, e]| c == 0.0 && e == 0.0)
     }
 
     /// Radiance from a unit direction, W/(m^2 sr); 0 from below the horizon.

@@ -2,11 +2,13 @@
 //!
 //! All models have a frame with +y up, +x east and -z north.
 
+mod efficacy;
 mod hosek_wilkie;
 mod luminance_distribution;
 mod sun_position;
 
-pub use hosek_wilkie::{HosekWilkie, cone, sun_irradiance};
+pub use efficacy::SkyCondition;
+pub use hosek_wilkie::{HosekWilkie, LUMINOUS_WIDTH, cone, sun_irradiance};
 pub use luminance_distribution::LuminanceDistribution;
 pub use sun_position::{PlaceAndTime, eccentricity};
 
@@ -14,6 +16,7 @@ use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
 use bdpm_core::scene::{Environment, Inset, InsetGrid};
 use glam::{DMat3, DVec3};
+use luminance_distribution::horizontal_irradiance;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
@@ -55,13 +58,15 @@ pub struct SunDisc {
     pub radiance: Rgb,
 }
 
-/// A sky: black below the horizon.
+/// A sky.
 #[derive(Clone, Debug)]
 pub struct Sky {
     /// The model, and a factor of its radiance.
     pub dome: Option<(SkyModel, Rgb)>,
     /// The disc of the sun, if the sky shows it.
     pub sun: Option<SunDisc>,
+    /// Radiance from all directions below the horizon, W/(m^2 sr).
+    pub ground: Rgb,
 }
 
 impl Sky {
@@ -73,10 +78,21 @@ impl Sky {
         self.dome_radiance(direction) + sun.map_or(Rgb::ZERO, |sun| sun.radiance)
     }
 
+    /// The sky over a ground of this albedo, which reflects the light of the sky and the sun as a
+    /// diffuse plane.
+    #[must_use]
+    pub fn over_ground(self, albedo: Rgb) -> Self {
+        let sky = horizontal_irradiance(|direction| self.dome_radiance(direction).as_dvec3());
+        let of_sun =
+            |sun: SunDisc| sun.radiance.as_dvec3() * cone(sun.half_angle) * sun.toward.y.max(0.0);
+        let irradiance = sky + self.sun.map_or(DVec3::ZERO, of_sun);
+        Self { ground: albedo * (irradiance / PI).as_vec3(), ..self }
+    }
+
     /// Radiance without the sun from a unit direction, W/(m^2 sr).
     fn dome_radiance(&self, direction: DVec3) -> Rgb {
         if direction.y < 0.0 {
-            return Rgb::ZERO;
+            return self.ground;
         }
         match &self.dome {
             Some((SkyModel::HosekWilkie(model), scale)) => model.radiance(direction) * *scale,

@@ -47,7 +47,11 @@ fn sky_and_sun_match_mitsuba_in_ten_thousand_directions() {
         let model = HosekWilkie::new(turbidity, albedo, toward);
         let radiance = sun_irradiance(turbidity, toward.y.asin()) / cone(SUN_HALF_ANGLE) as f32;
         let sun = SunDisc { toward, half_angle: SUN_HALF_ANGLE, radiance };
-        let sky = Sky { dome: Some((SkyModel::HosekWilkie(model), Rgb::ONE)), sun: Some(sun) };
+        let sky = Sky {
+            dome: Some((SkyModel::HosekWilkie(model), Rgb::ONE)),
+            sun: Some(sun),
+            ground: Rgb::ZERO,
+        };
         assert_eq!(rows.len(), 2501);
         for (index, row) in rows.iter().enumerate() {
             let direction = if index < 2500 { lattice(index, 2500) } else { toward };
@@ -77,7 +81,8 @@ fn skies_by_irradiance_match_radiance() {
             "perez" => {
                 // gendaylit takes the first of January where it gets no date.
                 let eccentricity = eccentricity(1.0);
-                LuminanceDistribution::perez(diffuse, other, toward, eccentricity).unwrap()
+                let condition = SkyCondition::new([diffuse, other], toward, eccentricity);
+                LuminanceDistribution::perez(condition, diffuse, toward).unwrap()
             }
             _ => LuminanceDistribution::cie(other as u32, diffuse, toward).unwrap(),
         };
@@ -117,8 +122,11 @@ fn maps_have_the_irradiance_of_sky_and_sun() {
         let toward = toward.normalize();
         let model = LuminanceDistribution::cie(12, 50.0, toward).unwrap();
         let sun = SunDisc { toward, half_angle, radiance: Rgb::ONE / cone(half_angle) as f32 };
-        let sky =
-            Sky { dome: Some((SkyModel::Distribution(model), Rgb::splat(1e-6))), sun: Some(sun) };
+        let sky = Sky {
+            dome: Some((SkyModel::Distribution(model), Rgb::splat(1e-6))),
+            sun: Some(sun),
+            ground: Rgb::ZERO,
+        };
         let map = sky.environment(DMat3::IDENTITY, 0.0).unwrap();
         let with_sun = map.integral();
         let alone =
@@ -138,7 +146,8 @@ fn maps_have_the_irradiance_of_sky_and_sun() {
 fn pixels_of_the_map_match_the_model() {
     let toward = DVec3::new(0.5, 0.7, -0.4).normalize();
     let model = HosekWilkie::new(3.0, Rgb::splat(0.3), toward);
-    let sky = Sky { dome: Some((SkyModel::HosekWilkie(model), Rgb::ONE)), sun: None };
+    let sky =
+        Sky { dome: Some((SkyModel::HosekWilkie(model), Rgb::ONE)), sun: None, ground: Rgb::ZERO };
     let mirror = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));
     for to_sky in [DMat3::IDENTITY, mirror] {
         let map = sky.environment(to_sky, 0.0).unwrap();

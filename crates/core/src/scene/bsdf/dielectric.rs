@@ -72,12 +72,16 @@ impl ThinDielectric {
         Self { eta, transmittance: Rgb::ONE }
     }
 
+    /// Shares of the light that goes straight on and that is mirrored, at this cosine with the
+    /// normal. theory.md (30)
+    pub fn shares(&self, cos: f32) -> [Rgb; 2] {
+        let [transmitted, reflected] = fresnel::slab(cos, self.eta, Rgb::ONE);
+        [transmitted * self.transmittance, reflected]
+    }
+
     pub(super) fn sample(&self, wo: Vec3, rng: &mut Rng) -> BsdfSample {
-        let (once, _) = fresnel::dielectric(wo.z, self.eta);
-        // R + T R T + T R^3 T + ... = 2 R / (1 + R)
-        // theory.md (30)
-        let reflected = 2.0 * once / (1.0 + once);
-        if rng.next_1d() < reflected {
+        let [_, reflected] = fresnel::slab(wo.z, self.eta, Rgb::ONE);
+        if rng.next_1d() < reflected.x {
             return mirrored(wo, Rgb::ONE);
         }
         BsdfSample { wi: -wo, weight: self.transmittance, lobe: Lobe::Delta }

@@ -2,19 +2,47 @@
 
 use crate::base::math::Rgb;
 
+/// Reflectances of an interface between dielectrics for both polarizations, across the plane of
+/// incidence and within it, and the cosine of the refracted direction (0 for total reflection).
+/// `cos_i` is in [0, 1]; `eta` is the index behind the interface over that in front. theory.md
+/// (22).
+#[inline]
+pub fn polarized(cos_i: f32, eta: f32) -> ([f32; 2], f32) {
+    let cos_t2 = 1.0 - (1.0 - cos_i * cos_i) / (eta * eta);
+    if cos_t2 <= 0.0 {
+        return ([1.0; 2], 0.0);
+    }
+    let cos_t = cos_t2.sqrt();
+    let s = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
+    let p = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
+    ([s * s, p * p], cos_t)
+}
+
 /// Reflectance of an interface between dielectrics, and the cosine of the refracted direction (0
 /// for total reflection). `cos_i` is in [0, 1]; `eta` is the index behind the interface over that
 /// in front. theory.md (22).
 #[inline]
 pub fn dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
-    let cos_t2 = 1.0 - (1.0 - cos_i * cos_i) / (eta * eta);
-    if cos_t2 <= 0.0 {
-        return (1.0, 0.0);
+    let ([s, p], cos_t) = polarized(cos_i, eta);
+    (0.5 * (s + p), cos_t)
+}
+
+/// Shares of the light that a slab between parallel faces transmits and reflects, with all
+/// reflections inside. Both polarizations are reflected on their own. `once` is the transmittance
+/// of the medium between the faces. theory.md (30a).
+pub fn slab(cos_i: f32, eta: f32, once: Rgb) -> [Rgb; 2] {
+    let (reflectances, _) = polarized(cos_i, eta);
+    let (mut transmitted, mut reflected) = (Rgb::ZERO, Rgb::ZERO);
+    for own in reflectances {
+        let through = match own {
+            // Zero over zero if nothing is absorbed.
+            1.0.. => Rgb::ZERO,
+            _ => (1.0 - own).powi(2) * once / (Rgb::ONE - own * own * once * once),
+        };
+        transmitted += 0.5 * through;
+        reflected += 0.5 * (Rgb::splat(own) + own * once * through);
     }
-    let cos_t = cos_t2.sqrt();
-    let s = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
-    let p = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
-    (0.5 * (s * s + p * p), cos_t)
+    [transmitted, reflected]
 }
 
 /// Reflectance of a metal with the complex index `eta - i k`, relative to the medium before it.
@@ -83,6 +111,23 @@ mod tests {
         let critical = (1.0_f32 - 1.0 / 2.25).sqrt();
         assert_eq!(dielectric(critical - 1e-3, 1.0 / 1.5), (1.0, 0.0));
         assert!(dielectric(critical + 1e-3, 1.0 / 1.5).0 < 0.9);
+    }
+
+    #[test]
+    fn slabs_transmit_both_polarizations_on_their_own() {
+        // T = (1 - R)/(1 + R) for each polarization, then the mean: index 1.5 at 0, 60 and 75
+        // degrees.
+        for (degrees, expected) in [(0.0f32, 12.0 / 13.0), (60.0, 0.8478), (75.0, 0.6180)] {
+            let [transmitted, reflected] = slab(degrees.to_radians().cos(), 1.5, Rgb::ONE);
+            assert!((transmitted.x - expected).abs() < 1e-3, "{degrees}: {transmitted}");
+            assert!((transmitted + reflected - Rgb::ONE).abs().max_element() < 1e-6);
+        }
+        // Half of the light is absorbed on each crossing, at normal incidence.
+        let [transmitted, reflected] = slab(1.0, 1.5, Rgb::splat(0.5));
+        let through = 0.96 * 0.96 * 0.5 / (1.0 - 0.04 * 0.04 * 0.25);
+        assert!((transmitted.x - through).abs() < 1e-5, "{transmitted}");
+        assert!((reflected.x - (0.04 + 0.04 * 0.5 * through)).abs() < 1e-5, "{reflected}");
+        assert_eq!(slab(0.0, 1.5, Rgb::ONE)[0].x, 0.0);
     }
 
     #[test]

@@ -104,6 +104,19 @@ impl LightSample {
     }
 }
 
+/// A point on a light to connect with, and the kind of the light.
+#[derive(Clone, Copy, Debug)]
+pub struct ConnectedLight {
+    /// The point, and the irradiance if nothing is in between.
+    pub sample: LightSample,
+    /// The light has no surface.
+    pub is_delta: bool,
+    /// The light is at an infinite distance: the environment, or parallel light.
+    pub is_parallel: bool,
+    /// The light, and the probability of its choice.
+    chosen: ChosenLight,
+}
+
 /// A point that receives light.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Receiver {
@@ -268,6 +281,16 @@ impl Lights {
         (index, self.emit_chosen(index, prob, at))
     }
 
+    /// An index for [`Self::emit_chosen`] by a uniform number, and its probability.
+    pub(crate) fn choose_emitter(&self, u: f64) -> (usize, f32) {
+        self.by_power.choose(u)
+    }
+
+    /// Probability of the index of [`Self::choose_emitter`].
+    pub(crate) fn emitter_prob(&self, index: usize) -> f32 {
+        self.by_power.prob[index]
+    }
+
     /// An index for [`Self::emit_chosen`] and its probability.
     #[inline(always)] // part of the loop over light paths
     pub(super) fn choose_by_power(&self, u: f64) -> (usize, f32) {
@@ -275,7 +298,7 @@ impl Lights {
     }
 
     #[inline(never)] // point lights do not call it: see `emit_all`
-    pub(super) fn emit_chosen(&self, index: usize, prob: f32, at: [f64; 4]) -> Emission {
+    pub(crate) fn emit_chosen(&self, index: usize, prob: f32, at: [f64; 4]) -> Emission {
         match self.emitters.get(index) {
             Some(emitter) => emitter.emit(prob, at),
             None => self.chosen_environment().emit(prob, at),
@@ -286,6 +309,32 @@ impl Lights {
     pub fn connect(&self, at: Receiver, rng: &mut Rng) -> Option<LightSample> {
         let (index, prob) = self.by_estimate.choose(at, rng.next_f64())?;
         self.connect_chosen(ChosenLight { index, prob, at }, rng)
+    }
+
+    /// [`Self::connect`] with the kind of the light.
+    pub fn connect_light(&self, at: Receiver, rng: &mut Rng) -> Option<ConnectedLight> {
+        let (index, prob) = self.by_estimate.choose(at, rng.next_f64())?;
+        let chosen = ChosenLight { index, prob, at };
+        let sample = self.connect_chosen(chosen, rng)?;
+        let emitter = self.emitters.get(index);
+        Some(ConnectedLight {
+            sample,
+            is_delta: emitter.is_some_and(Emitter::is_delta),
+            is_parallel: emitter.is_none_or(|own| matches!(own, Emitter::Directional(_))),
+            chosen,
+        })
+    }
+
+    /// Connects another position with the same light without a surface; `None` if it does not shine
+    /// there.
+    pub fn connect_delta_again(
+        &self,
+        light: &ConnectedLight,
+        position: Vec3,
+    ) -> Option<LightSample> {
+        // Lights without a surface draw no numbers.
+        let at = Receiver { position, normal: None };
+        self.connect_chosen(ChosenLight { at, ..light.chosen }, &mut Rng::default())
     }
 
     /// Ratio of the density of connections to that of emission, per area, of the light with this

@@ -1,12 +1,17 @@
-//! Connections of meters that measure irradiance with light sources.
+//! Meters that measure irradiance: connections with light sources, also through panes.
 
+use super::non_diffuse::survives_passing;
 use super::{CameraPass, CameraPaths, Connections};
-use crate::scene::Receiver;
-use crate::transport::path_state::PathStates;
+use crate::accel::Ray;
+use crate::base::math::Rgb;
+use crate::scene::panes::PanePassage;
+use crate::scene::{ConnectedLight, MediumState, Meter, Receiver, Surface};
+use crate::transport::path_state::{PathState, PathStates};
 
 impl CameraPaths {
     /// Connects the meter of a point of the image with a light source, for the path in a lane of
-    /// `states`. No other technique contributes light that arrives straight from a source.
+    /// `states`. No other technique contributes light that arrives straight from a source, or
+    /// through sheets; nor that of the environment and of lights without a surface through slabs.
     /// theory.md (5a)
     pub(super) fn connect_meter(
         &mut self,
@@ -19,14 +24,92 @@ impl CameraPaths {
         let meter = meters.at(&pass.view, x, y);
         let receiver = Receiver { position: meter.position, normal: Some(meter.normal) };
         let (ray, mut state) = states.get(lane);
-        let light = pass.scene.lights().connect(receiver, &mut state.rng);
+        let light = pass.scene.lights().connect_light(receiver, &mut state.rng);
         states.set(lane, &ray, &state);
-        if let Some(light) = light {
-            let contribution = light.irradiance * light.wi.dot(meter.normal).max(0.0);
-            let origin = meter.position;
-            let media = pass.scene.media_at_eye(pass.accel, &pass.view, [x, y], origin);
-            let path = Connections::path_in(state.path, media) | Connections::METER;
-            self.queue_shadow_ray(path, contribution, light.target, meter.position);
+        let Some(light) = light else { return };
+        let origin = meter.position;
+        let media = pass.scene.media_at_eye(pass.accel, &pass.view, [x, y], origin);
+        let segment = Ray::segment(light.sample.target, origin);
+        if meters.may_have_panes && pass.accel.is_occluded(&segment) {
+            let arrived = through_panes(pass, meter, &light, media);
+            self.pane_light.extend(arrived.map(|arrived| (state.path, arrived)));
+            return;
+        }
+        let cos = light.sample.wi.dot(meter.normal).max(0.0);
+        let path = Connections::path_in(state.path, media) | Connections::METER;
+        let contribution = light.sample.irradiance * cos;
+        self.queue_shadow_ray(path, contribution, light.sample.target, meter.position);
+    }
+
+    /// Adds the light that meters receive through panes.
+    pub(super) fn add_pane_light(&mut self) {
+        for (path, light) in self.pane_light.drain(..) {
+            self.direct[path as usize] += light;
+            if self.records_aovs {
+                self.aovs[path as usize].emission += light;
+            }
         }
     }
+}
+
+/// Irradiance of a meter by a sample of a light that it sees through panes, W/m^2; `None` if
+/// something else blocks it. Camera paths contribute light of surfaces behind slabs.
+fn through_panes(
+    pass: &CameraPass,
+    meter: &Meter,
+    light: &ConnectedLight,
+    media: MediumState,
+) -> Option<Rgb> {
+    let (scene, accel) = (pass.scene, pass.accel);
+    let from = meter.position;
+    let sample = &light.sample;
+    let sight = if light.is_parallel {
+        scene.sight_along(accel, from, sample.wi, media)?
+    } else {
+        scene.sight_to(accel, from, sample.target, media)?
+    };
+    let is_displaced = sight.slabs > 0 && !light.is_parallel;
+    if is_displaced && !light.is_delta {
+        return None;
+    }
+    // From the light, the meter seems to be beside its place.
+    let irradiance = match is_displaced {
+        true => scene.lights().connect_delta_again(light, from + sight.shift)?.irradiance,
+        false => sample.irradiance,
+    };
+    let cos = sight.direction.dot(meter.normal).max(0.0);
+    Some(irradiance * sight.transmitted * (sight.nearness * cos))
+}
+
+/// The pane that a path meets on its straight way from a meter; `None` for other paths and
+/// surfaces.
+pub(super) fn pane_before_meter(
+    pass: &CameraPass,
+    surface: &Surface,
+    state: &PathState,
+) -> Option<PanePassage> {
+    let is_wanted = state.history.is_straight() && pass.scene.measures_irradiance();
+    is_wanted.then(|| pass.scene.pane_at(pass.accel, surface, state.history.media())).flatten()
+}
+
+/// Takes a path from a meter through a pane, straight on or mirrored; `None` if it ends.
+pub(in crate::transport) fn at_pane(
+    pane: &PanePassage,
+    surface: &Surface,
+    mut state: PathState,
+) -> Option<(Ray, PathState)> {
+    let [transmitted, reflected] = [pane.transmitted, pane.reflected].map(Rgb::max_element);
+    let prob = transmitted / (transmitted + reflected);
+    if state.rng.next_1d() < prob {
+        state.weight *= pane.transmitted / prob;
+        state.history = state.history.within(pane.beyond);
+        if pane.is_slab() {
+            state.history = state.history.through_slab();
+        }
+        return Some((Ray::new(pane.start, -surface.wo), state));
+    }
+    state.weight *= pane.reflected / (1.0 - prob);
+    let mirrored = 2.0 * surface.normal.dot(surface.wo) * surface.normal - surface.wo;
+    survives_passing(&mut state)
+        .then(|| (Ray::new(surface.off_surface, mirrored.normalize()), state))
 }

@@ -25,6 +25,7 @@ use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, Vec3s, any};
 use bytemuck::{Pod, Zeroable};
 pub use medium::{MediumBeam, MediumPoint};
+pub(super) use meter::at_pane;
 use mis::LastVertex;
 use std::array::from_fn;
 use std::mem;
@@ -80,6 +81,8 @@ pub struct CameraPaths {
     next: PathQueue<PathStates, 16>,
     hits: Vec<HitPacket>,
     shadow_rays: PathQueue<Connections, 10>,
+    /// Paths with the light that meters receive through panes.
+    pane_light: Vec<(u32, Rgb)>,
     occluded: Vec<Mask>,
     mis: Option<Mis>,
     /// Last vertex of each path, with MIS.
@@ -399,12 +402,18 @@ impl CameraPaths {
         }
     }
 
-    /// Returns true if light sources that paths of this history hit contribute. Those that meters
-    /// see straight are connected. Without MIS, connections and photons contribute those that are
-    /// hit after the first diffuse vertex.
+    /// Returns true if surfaces of light sources that paths of this history hit contribute. Those
+    /// that meters see straight are connected. Without MIS, connections and photons contribute
+    /// those that are hit after the first diffuse vertex.
     fn counts_hit(&self, pass: &CameraPass, history: History) -> bool {
         let is_connected = history.is_start() && pass.scene.measures_irradiance();
         (history.diffuse() == 0 || self.mis.is_some()) && !is_connected
+    }
+
+    /// [`Self::counts_hit`] of the environment. Meters are connected with it through slabs, too.
+    fn counts_environment(&self, pass: &CameraPass, history: History) -> bool {
+        let is_connected = history.is_straight() && pass.scene.measures_irradiance();
+        self.counts_hit(pass, history) && !is_connected
     }
 
     /// Adds the light source that a path of this history hits.
@@ -480,5 +489,6 @@ impl CameraPaths {
             }
         }
         self.shadow_rays.clear();
+        self.add_pane_light();
     }
 }

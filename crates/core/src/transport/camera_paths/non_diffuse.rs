@@ -1,5 +1,6 @@
 //! Camera paths that leave the scene, or hit surfaces that are not only diffuse: one at a time.
 
+use super::meter::{at_pane, pane_before_meter};
 use super::{CameraPass, CameraPaths, Connections};
 use crate::accel::{HitPacket, Ray};
 use crate::base::math::Rgb;
@@ -42,7 +43,7 @@ impl CameraPaths {
         let lights = pass.scene.lights();
         for lane in lanes_of(missed) {
             let (path, history) = (states.path[lane], states.history[lane]);
-            if !self.counts_hit(pass, history) {
+            if !self.counts_environment(pass, history) {
                 continue;
             }
             let direction = states.direction.get(lane);
@@ -102,6 +103,9 @@ impl CameraPaths {
         let at = surface.vertex(Transport::Radiance);
         if self.records_aovs {
             self.record_other(pass, surface, &state, at.normal);
+        }
+        if let Some(pane) = pane_before_meter(pass, surface, &state) {
+            return at_pane(&pane, surface, state);
         }
         let merges = surface.bsdf.merges();
         if merges && pass.gathers_at(vertex) {
@@ -285,7 +289,7 @@ const LONG_CHAIN: u32 = 16;
 const LONG_CHAIN_END: f32 = 0.1;
 
 /// Plays roulette where a path passes through a vertex, and returns whether it survives.
-fn survives_passing(state: &mut PathState) -> bool {
+pub(super) fn survives_passing(state: &mut PathState) -> bool {
     state.history = state.history.passed_through();
     // Channels of a path with a wavelength may be negative.
     let share = state.weight.abs().max_element() * state.inverse_start;

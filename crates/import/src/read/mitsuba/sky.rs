@@ -48,7 +48,7 @@ pub(super) fn read(object: &Object, to_world: DMat3, paints: &mut Paints) -> Res
     }
     if toward.y < 0.0 {
         paints.skipped("the sun is below the horizon, hence no light comes from", object);
-        return Ok((Sky { dome: None, sun: None }, to_world));
+        return Ok((Sky { dome: None, sun: None, ground: Rgb::ZERO }, to_world));
     }
     let model = HosekWilkie::new(turbidity, albedo, toward);
     let dome =
@@ -59,7 +59,8 @@ pub(super) fn read(object: &Object, to_world: DMat3, paints: &mut Paints) -> Res
         let radiance = radiance * sun_irradiance(turbidity, toward.y.asin());
         SunDisc { toward, half_angle, radiance }
     });
-    Ok((Sky { dome, sun }, to_world))
+    // Mitsuba has spectral radiances, beside whose numbers files give those of their lights.
+    Ok((Sky { dome, sun, ground: Rgb::ZERO }, to_world))
 }
 
 /// Unit vector toward the sun in the frame of the sky.

@@ -14,7 +14,7 @@ mod numbers;
 mod parse;
 mod places;
 mod refractive_index;
-mod sky;
+pub mod sky;
 mod texture;
 
 pub use mesh::NamedMesh;

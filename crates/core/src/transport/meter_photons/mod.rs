@@ -1,0 +1,297 @@
+//! Photons at meters: light of points, spots and parallel light that arrives by mirrors, and
+//! through glass that is no pane. Neither connections nor camera paths contribute it. Its photons
+//! are merged on a disc around each meter. theory.md (5c)
+
+mod discs;
+mod guide;
+
+use super::free_flight::{Passed, travel};
+use super::light_paths::survival;
+use super::path_state::{History, PathState};
+use crate::accel::{Coherence, Hit, Intersect, Ray};
+use crate::base::math::{Rgb, luminance};
+use crate::base::rng::{Rng, Stream, StreamKey};
+use crate::scene::bsdf::{Lobe, LobeSet, Transport};
+use crate::scene::{Emission, Lights, Meter, Scene, Surface};
+pub use discs::{MeterDiscs, RADII, RATIO};
+use guide::{GuideGrid, GuidedStart, StartGuide};
+use rayon::prelude::*;
+
+/// Light paths of a batch, which one thread traces.
+const BATCH: u32 = 4096;
+
+/// Batches of an iteration.
+const BATCHES: u32 = 16;
+
+/// Light paths of an iteration.
+pub const PATHS: u32 = BATCH * BATCHES;
+
+/// Cells of the guide along each number, and factors of the radius of the discs, in the stages of
+/// learning.
+const STAGES: [(usize, f32); 2] = [(32, 8.0), (128, 3.0)];
+
+/// Paths that arrive in the stages of learning, and iterations after which a stage ends without
+/// them.
+const ENOUGH_ARRIVED: u32 = 400;
+const MOST_ITERATIONS: u64 = 8;
+
+/// Minimum number of iterations of a stage.
+const LEAST_ITERATIONS: u64 = 4;
+
+/// Luminance of the irradiance of a meter by the photons of an iteration on the nested discs,
+/// W/m^2.
+pub type DiscIrradiances = [f64; RADII];
+
+/// Traces photons to the meters of a scene.
+pub struct MeterPhotons<'a> {
+    scene: &'a Scene,
+    accel: &'a dyn Intersect,
+    lights: Lights,
+    discs: MeterDiscs,
+    count: usize,
+    seed: u64,
+    guide: Option<StartGuide>,
+    iterations: u64,
+    /// Paths that arrived in the largest discs, in all iterations.
+    arrived: u64,
+    /// Luminance of the flux of a path in the first stage of learning over the area of its discs,
+    /// W/m^2.
+    of_one_path: f64,
+}
+
+/// What a batch of paths brings to the discs.
+#[derive(Default)]
+struct BatchSums {
+    /// Meter, number of nested discs, luminance of the flux, W.
+    crossings: Vec<(u32, u8, f64)>,
+    /// Cells of the starts of paths that arrived.
+    cells: Vec<usize>,
+}
+
+impl<'a> MeterPhotons<'a> {
+    /// Photons for the meters, merged on discs of this radius and smaller ones, scene units. `None`
+    /// if no light is without a surface, or no surface passes light on.
+    pub fn new(
+        scene: &'a Scene,
+        accel: &'a dyn Intersect,
+        meters: &[Meter],
+        radius: f32,
+        seed: u64,
+    ) -> Option<Self> {
+        let emitters = scene.lights().emitters().iter();
+        let lights = Lights::new(emitters.filter(|own| own.is_delta()).cloned().collect());
+        let passes = |material: u32| {
+            let material = &scene.materials()[material as usize];
+            material.bsdf.passes_through() && !material.is_index_matched_boundary()
+        };
+        let is_needed = scene.placements().iter().any(|placement| passes(placement.material));
+        if lights.is_empty() || !is_needed {
+            return None;
+        }
+        let discs = MeterDiscs::new(meters, radius);
+        let mut photons = Self {
+            scene,
+            accel,
+            lights,
+            discs,
+            count: meters.len(),
+            seed,
+            guide: None,
+            iterations: 0,
+            arrived: 0,
+            of_one_path: f64::INFINITY,
+        };
+        photons.learn(meters, radius);
+        Some(photons)
+    }
+
+    /// Learns from where paths arrive, by the discs of larger radii.
+    fn learn(&mut self, meters: &[Meter], radius: f32) {
+        let lights = self.lights.emitters().len();
+        for (stage, (side, factor)) in (0..).zip(STAGES) {
+            let grid = GuideGrid::new(lights, side);
+            let discs = MeterDiscs::new(meters, factor * radius);
+            let (mut counts, mut total) = (vec![0u32; grid.len()], 0);
+            let mut paths = 0.0;
+            for iteration in 0..MOST_ITERATIONS {
+                paths += f64::from(PATHS);
+                let number = stage * MOST_ITERATIONS + iteration;
+                let key = StreamKey::new(self.seed, Stream::MeterPilot, number);
+                for batch in self.batches(key, grid, &discs) {
+                    total += batch.cells.len() as u32;
+                    batch.cells.into_iter().for_each(|cell| counts[cell] += 1);
+                }
+                let is_decided = total == 0 || total >= ENOUGH_ARRIVED;
+                if is_decided && iteration + 1 >= LEAST_ITERATIONS {
+                    break;
+                }
+            }
+            if self.guide.is_none() {
+                let flux = f64::from(self.lights.total_power()) / paths;
+                self.of_one_path = self.of_one_path.min(flux / discs.area(0));
+            }
+            self.guide = StartGuide::new(grid, &self.lights, &counts).or(self.guide.take());
+            if self.guide.is_none() {
+                return;
+            }
+        }
+    }
+
+    /// Traces the paths of another iteration, and returns the irradiance of each meter. The result
+    /// does not depend on the number of threads.
+    pub fn iterate(&mut self) -> Vec<DiscIrradiances> {
+        let key = StreamKey::new(self.seed, Stream::MeterPhotons, self.iterations);
+        let grid = GuideGrid::new(self.lights.emitters().len(), 1);
+        let mut sums = vec![[0.0; RADII]; self.count];
+        for batch in self.batches(key, grid, &self.discs) {
+            self.arrived += batch.cells.len() as u64;
+            for (meter, levels, flux) in batch.crossings {
+                sums[meter as usize][..levels.into()].iter_mut().for_each(|sum| *sum += flux);
+            }
+        }
+        for sums in &mut sums {
+            for (level, sum) in sums.iter_mut().enumerate() {
+                *sum /= f64::from(PATHS) * self.discs.area(level);
+            }
+        }
+        self.iterations += 1;
+        sums
+    }
+
+    /// Returns true if paths arrived near any meter while the guide was learned.
+    pub fn arrives(&self) -> bool {
+        self.guide.is_some()
+    }
+
+    /// Number of iterations.
+    pub fn iterations(&self) -> u64 {
+        self.iterations
+    }
+
+    /// Paths that arrived at any meter.
+    pub fn arrived(&self) -> u64 {
+        self.arrived
+    }
+
+    /// Luminance of the irradiance of a meter by a single path that no guide makes likely, W/m^2:
+    /// on the large discs of the first stage of learning, from which the guide learned where light
+    /// arrives.
+    pub fn of_one_path(&self) -> f64 {
+        self.of_one_path
+    }
+
+    fn batches(&self, key: StreamKey, grid: GuideGrid, discs: &MeterDiscs) -> Vec<BatchSums> {
+        let one = |batch: u32| {
+            let paths = u64::from(batch * BATCH)..u64::from((batch + 1) * BATCH);
+            self.trace(paths.map(|path| key.rng(path)), grid, discs)
+        };
+        (0..BATCHES).into_par_iter().map(one).collect()
+    }
+
+    /// Traces paths bounce by bounce.
+    fn trace(
+        &self,
+        rngs: impl Iterator<Item = Rng>,
+        grid: GuideGrid,
+        discs: &MeterDiscs,
+    ) -> BatchSums {
+        let mut sums = BatchSums::default();
+        let mut paths: Vec<_> = rngs.map(|rng| self.start(rng, grid)).collect();
+        let mut hits = Vec::new();
+        while !paths.is_empty() {
+            let rays: Vec<Ray> = paths.iter().map(|(ray, ..)| *ray).collect();
+            hits.clear();
+            hits.resize(rays.len(), Hit::MISS);
+            self.accel.closest_hits(&rays, &mut hits, Coherence::Incoherent);
+            let mut next = Vec::with_capacity(paths.len());
+            for ((ray, mut state, cell), hit) in paths.into_iter().zip(&hits) {
+                if !state.history.is_straight() {
+                    self.collect(&ray, hit, &state, discs, cell, &mut sums);
+                }
+                let media = self.scene.media();
+                let passed =
+                    media.and_then(|media| travel(self.scene, media, &ray, hit, &mut state));
+                match passed {
+                    Some(Passed::Boundary(ray)) => next.push((ray, state, cell)),
+                    Some(Passed::Scattered(_)) => {}
+                    None if hit.is_miss() => {}
+                    None => {
+                        let surface = self.scene.surface(&ray, hit);
+                        let gone_on = self.pass(&surface, state);
+                        next.extend(gone_on.map(|(ray, state)| (ray, state, cell)));
+                    }
+                }
+            }
+            paths = next;
+        }
+        sums
+    }
+
+    fn start(&self, mut rng: Rng, grid: GuideGrid) -> (Ray, PathState, usize) {
+        let start: GuidedStart = match &self.guide {
+            Some(guide) => guide.start(grid, &self.lights, &mut rng),
+            None => grid.start(&self.lights, &mut rng),
+        };
+        let Emission { origin, direction, flux } =
+            self.lights.emit_chosen(start.light, start.prob, start.at);
+        let media = self.scene.media();
+        let around = media.map(|media| media.at(self.scene, self.accel, origin));
+        let history = History::default().within(around.unwrap_or_default());
+        let weight = flux / start.density as f32;
+        let inverse_start = weight.max_element().max(f32::MIN_POSITIVE).recip();
+        let state = PathState { rng, weight, inverse_start, path: 0, history };
+        (Ray::new(origin, direction), state, start.cell)
+    }
+
+    /// Adds the crossings of discs by a segment.
+    fn collect(
+        &self,
+        ray: &Ray,
+        hit: &Hit,
+        state: &PathState,
+        discs: &MeterDiscs,
+        cell: usize,
+        sums: &mut BatchSums,
+    ) {
+        let mut has_arrived = false;
+        let medium = self.scene.media().and_then(|media| media.medium(state.history.media()));
+        discs.cross(ray.origin, ray.direction, hit.t, |meter, levels, distance| {
+            has_arrived = true;
+            let way = medium.map_or(Rgb::ONE, |medium| medium.transmittance(distance));
+            let flux = f64::from(luminance(state.weight * way));
+            sums.crossings.push((meter, levels as u8, flux));
+        });
+        sums.cells.extend(has_arrived.then_some(cell));
+    }
+
+    /// Takes a path on from a surface by a lobe that passes through, unless it ends.
+    fn pass(&self, surface: &Surface, mut state: PathState) -> Option<(Ray, PathState)> {
+        let history = state.history;
+        if history.is_straight()
+            && let Some(pane) = self.scene.pane_at(self.accel, surface, history.media())
+        {
+            let (ray, state) = super::camera_paths::at_pane(&pane, surface, state)?;
+            return Some((ray, PathState { history: state.history.through_slab(), ..state }));
+        }
+        let mut surface = *surface;
+        let mut wavelength = history.wavelength();
+        state.weight *= surface.disperse(&mut wavelength, &mut state.rng);
+        state.history = history.with_wavelength(wavelength);
+        let at = surface.vertex(Transport::Flux);
+        let sample =
+            surface.bsdf.sample(&at, Transport::Flux, LobeSet::PassThrough, &mut state.rng)?;
+        // Meters are connected with the vertices next to the lights if their lobes have a finite
+        // density.
+        let is_connected = history.is_start() && sample.lobe == Lobe::Rough;
+        if is_connected || !sample.lobe.passes_through() || !surface.agrees(&at, sample.wi) {
+            return None;
+        }
+        let survival = survival(sample.weight);
+        state.weight *= sample.weight / survival;
+        if state.rng.next_1d() >= survival {
+            return None;
+        }
+        state.history = state.history.passed_through().leaving(self.scene, &surface, sample.wi);
+        Some((Ray::new(surface.start(sample.wi), sample.wi), state))
+    }
+}

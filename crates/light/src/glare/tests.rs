@@ -1,0 +1,172 @@
+//! Ratings against closed forms and `evalglare`.
+
+use super::*;
+
+/// An image of the whole half-space in front of the eye with this luminance, cd/m^2.
+fn image(projection: FisheyeProjection, luminance: impl Fn(DVec3) -> f64) -> LuminanceImage {
+    // That of the pictures for evalglare.
+    let side = 800;
+    let black = vec![Rgb::ZERO; side * side];
+    let mut own = LuminanceImage::new((side as u32, side as u32), &black, projection, PI);
+    own.pixels.iter_mut().for_each(|(direction, _, value)| *value = luminance(*direction));
+    own
+}
+
+#[test]
+fn uniform_image_has_pi_times_its_luminance_and_no_source() {
+    for projection in FisheyeProjection::ALL {
+        let own = image(projection, |_| 500.0);
+        let solid: f64 = own.pixels.iter().map(|(_, solid, _)| solid).sum();
+        assert!((solid / (2.0 * PI) - 1.0).abs() < 2e-3, "{projection:?}: {solid}");
+        let glare = Glare::new(&own, &SourceSearch::default());
+        assert!((glare.vertical_illuminance / (500.0 * PI) - 1.0).abs() < 2e-3);
+        assert!(glare.sources.is_empty() && glare.ugr.is_none());
+        let expected = 5.87e-5 * glare.vertical_illuminance + 0.16;
+        assert!((glare.dgp - expected).abs() < 1e-12, "{}", glare.dgp);
+    }
+}
+
+#[test]
+fn disc_of_a_source_has_its_solid_angle_and_rating() {
+    // A disc of 4 degrees at 20 degrees to the right, of 20,000 cd/m^2 before 100 cd/m^2
+    let (sin, cos) = 20f64.to_radians().sin_cos();
+    let center = DVec3::new(sin, 0.0, cos);
+    let half = 2f64.to_radians();
+    let own = image(FisheyeProjection::Equidistant, |w| {
+        if w.dot(center) > half.cos() { 20_000.0 } else { 100.0 }
+    });
+    let glare = Glare::new(&own, &SourceSearch::default());
+    let [source] = &glare.sources[..] else { panic!("{} sources", glare.sources.len()) };
+    let solid = 2.0 * PI * (1.0 - half.cos());
+    assert!((source.solid_angle / solid - 1.0).abs() < 0.05, "{}", source.solid_angle);
+    assert!((source.luminance - 20_000.0).abs() < 1e-6);
+    // tau = 90 degrees and sigma = 20 degrees
+    let linear: f64 = 35.2 - 0.31889 * 90.0 - 1.22 * (-20.0f64).exp();
+    let square = 21.0 + 0.26667 * 90.0 - 0.002963 * 8100.0;
+    let index = (1e-3 * linear * 20.0 + 1e-5 * square * 400.0).exp();
+    assert!((source.position_index / index - 1.0).abs() < 1e-3);
+    let background = 100.0 * (PI - solid * cos) / PI;
+    assert!((glare.background_luminance / background - 1.0).abs() < 2e-3);
+    let ugr = 8.0 * (0.25 / background * 4e8 * solid / (index * index)).log10();
+    assert!((glare.ugr.unwrap() - ugr).abs() < 0.2, "{:?} {ugr}", glare.ugr);
+}
+
+/// Sources: degrees to the right and up, radius in degrees, luminance in cd/m^2.
+type Sources<'a> = &'a [[f64; 4]];
+
+/// Background and sources of images, and DGP, UGR, vertical illuminance and background by evalglare
+/// 3.06: `scripts/radiance_check.py glare`.
+const BY_EVALGLARE: [(f64, Sources, [f64; 4]); 10] = [
+    (300.0, &[[25.0, 10.0, 12.0, 6000.0]], [0.2936, 25.277, 1635.6, 288.39]),
+    (
+        1500.0,
+        &[[-10.0, 15.0, 10.0, 15_000.0], [30.0, 5.0, 4.0, 40_000.0]],
+        [0.5699, 27.617, 6451.7, 1455.2],
+    ),
+    (30.0, &[[15.0, 20.0, 3.0, 8000.0]], [0.2625, 24.058, 156.31, 29.905]),
+    (
+        200.0,
+        &[[5.0, -20.0, 5.0, 10_000.0], [-40.0, 30.0, 6.0, 5000.0]],
+        [0.2781, 26.078, 958.12, 197.80],
+    ),
+    (
+        80.0,
+        &[[0.0, 35.0, 4.0, 5000.0], [-25.0, 40.0, 4.0, 5000.0], [25.0, 40.0, 4.0, 5000.0]],
+        [0.2009, 17.109, 416.52, 79.030],
+    ),
+    // A sun in its glow, before a bright and a dark background.
+    (800.0, &[[20.0, 25.0, 8.0, 8000.0], [20.0, 25.0, 1.5, 5e5]], [0.4923, 34.909, 3801.6, 789.47]),
+    (200.0, &[[20.0, 25.0, 8.0, 8000.0], [20.0, 25.0, 1.5, 5e5]], [0.4314, 39.725, 1941.5, 197.37]),
+    (
+        1000.0,
+        &[[-15.0, 30.0, 20.0, 6000.0], [-15.0, 30.0, 1.0, 2e6]],
+        [0.6640, 39.987, 6308.5, 900.76],
+    ),
+    // Two peaks, which join; and a source that is a peak as a whole.
+    (
+        500.0,
+        &[[10.0, 20.0, 5.0, 2e4], [10.0, 20.0, 1.0, 8e4], [10.0, 26.0, 1.0, 9e4]],
+        [0.3371, 26.969, 2128.8, 495.60],
+    ),
+    (500.0, &[[-30.0, 20.0, 3.0, 6e4], [30.0, 20.0, 3.0, 3e4]], [0.3444, 27.554, 2195.5, 497.00]),
+];
+
+#[test]
+fn ratings_are_those_of_evalglare() {
+    for (background, sources, [dgp, ugr, vertical, lum_backg]) in BY_EVALGLARE {
+        let own = image(FisheyeProjection::Equidistant, |w| {
+            let lit = sources.iter().rev().find(|[right, up, radius, _]| {
+                let ((sx, cx), (sy, cy)) =
+                    (right.to_radians().sin_cos(), up.to_radians().sin_cos());
+                w.dot(DVec3::new(sx * cy, sy, cx * cy)) > radius.to_radians().cos()
+            });
+            lit.map_or(background, |[_, _, _, luminance]| *luminance)
+        });
+        let glare = Glare::new(&own, &SourceSearch::default());
+        println!("{} {:?} {glare:?}", glare.dgp, glare.ugr);
+        // The pictures of evalglare have three digits, and its pixels other edges.
+        assert!((glare.dgp - dgp).abs() < 5e-3, "{} {dgp}", glare.dgp);
+        assert!((glare.ugr.unwrap() - ugr).abs() < 0.2, "{:?} {ugr}", glare.ugr);
+        assert!((glare.vertical_illuminance / vertical - 1.0).abs() < 0.01);
+        assert!((glare.background_luminance / lum_backg - 1.0).abs() < 0.02);
+    }
+}
+
+/// UGR of a square panel whose edges cross pixels, by their mean luminances: that of the panel
+/// within .1.
+#[test]
+fn pixels_that_a_panel_covers_in_part_do_not_change_its_rating() {
+    let side = 400;
+    // A panel of 4000 cd/m^2 and 0.1 by 0.1 at a distance of about 1, before 40 cd/m^2.
+    let (center, half) = (DVec3::new(0.05, 0.35, 1.0), 0.05);
+    let luminance = |w: DVec3| {
+        let at = w / w.z - center;
+        if w.z > 0.0 && at.x.abs() < half && at.y.abs() < half { 4000.0 } else { 40.0 }
+    };
+    let fine = 8 * side;
+    let black = vec![Rgb::ZERO; fine * fine];
+    let size = (fine as u32, fine as u32);
+    let projection = FisheyeProjection::Equidistant;
+    let exact = LuminanceImage::new(size, &black, projection, PI);
+    let mut pixels = vec![Rgb::ZERO; side * side];
+    for (at, index) in exact.index.iter().enumerate().filter(|(_, index)| **index != OUTSIDE) {
+        let (x, y) = (at % fine / 8, at / fine / 8);
+        let value = luminance(exact.pixels[*index as usize].0) / 64.0;
+        pixels[y * side + x] += Rgb::splat((value / f64::from(LUMENS_PER_WATT)) as f32);
+    }
+    let image = LuminanceImage::new((side as u32, side as u32), &pixels, projection, PI);
+    let search = SourceSearch { threshold: 2500.0, ..SourceSearch::default() };
+    let glare = Glare::new(&image, &search);
+    let (distance, cos) = (center.length(), 1.0 / center.length());
+    let solid = 4.0 * half * half * cos / (distance * distance);
+    let index = position_index(center / distance);
+    let background = 40.0 * (PI - solid * cos) / PI;
+    let expected = 8.0 * (0.25 / background * 16e6 * solid / (index * index)).log10();
+    let found = glare.ugr.unwrap();
+    assert!((found - expected).abs() < 0.1, "{found}, not {expected}");
+}
+
+#[test]
+fn distant_parts_are_sources_of_their_own_and_near_ones_join() {
+    let at = |degrees: f64| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        DVec3::new(sin, 0.0, cos)
+    };
+    let lit = |w: DVec3| [at(-30.0), at(10.0), at(16.0)].iter().any(|c| w.dot(*c) > 0.9995);
+    let own = image(FisheyeProjection::Equisolid, |w| if lit(w) { 1e4 } else { 50.0 });
+    let count = |search| Glare::new(&own, &search).sources.len();
+    assert_eq!(count(SourceSearch::default()), 2);
+    assert_eq!(count(SourceSearch { angle: 0.05, ..SourceSearch::default() }), 3);
+    assert_eq!(count(SourceSearch { threshold: 2e4, ..SourceSearch::default() }), 0);
+}
+
+#[test]
+fn position_index_grows_away_from_the_view_direction() {
+    let at = |up: f64, right: f64| position_index(DVec3::new(right, up, 1.0).normalize());
+    assert!((at(0.0, 0.0) - 1.0).abs() < 1e-9);
+    assert!(at(0.3, 0.0) < at(0.6, 0.0) && at(0.0, 0.3) < at(0.0, 0.6));
+    // beta = atan(0.5 sqrt(1.3225)) = 29.899 degrees
+    let below = (6.49e-3 * 29.899 + 21e-5 * 29.899f64.powi(2)).exp();
+    assert!((at(-0.5, 0.0) - below).abs() < 1e-4, "{}", at(-0.5, 0.0));
+    assert!(at(5.0, 0.0) <= MAX_INDEX);
+}
