@@ -212,8 +212,9 @@ impl Estimates<'_> {
             for row in y * side..(y + 1) * side {
                 for column in x * side..(x + 1) * side {
                     let cell = row as usize * width as usize + column as usize;
-                    for half in 0..2 {
-                        tile.differences[half] += halves[half][cell] - self.audit[half][cell];
+                    let both = halves.iter().zip(&self.audit);
+                    for (sum, (image, audit)) in tile.differences.iter_mut().zip(both) {
+                        *sum += image[cell] - audit[cell];
                     }
                     tile.audit_variance += self.audit_variance[cell];
                     image_difference += halves[0][cell] - halves[1][cell];
