@@ -84,6 +84,9 @@ pub struct AuditReport {
     pub map: TileMap,
 }
 
+/// Agreement above which an audit is too noisy to be called one.
+const NOISY: f64 = 0.25;
+
 fn no_tiles() -> TileMap {
     let (scores, differences, luminances) = Default::default();
     TileMap { side: 1, width: 0, height: 0, scores, differences, luminances }
@@ -165,6 +168,11 @@ impl AuditReport {
         let paths = format!("audit of {:.0} camera paths", self.paths);
         let size = format!("squares of {} pixels", self.agreement_side);
         match self.verdict {
+            Verdict::Agrees if self.agreement > NOISY => format!(
+                "{paths}: no difference from path tracing was seen, whose noise hides differences of \
+                 up to {} in {size}{rest}",
+                percent(self.agreement)
+            ),
             Verdict::Agrees => format!(
                 "{paths}: {} of the image agrees with path tracing within {} in {size}{rest}",
                 percent(1.0 - self.not_audited),
