@@ -320,6 +320,11 @@ fn technique(chosen: &Selection) -> String {
             text += &format!("; {}", guided.describe());
         }
     }
+    if !chosen.refuted_trials.is_empty() {
+        let names = chosen.refuted_trials.iter().map(|own| own.describe());
+        let names = names.collect::<Vec<_>>().join(" and ");
+        text += &format!("; the trial of path tracing refuted {names}");
+    }
     // The runner-up may look too good if it was not tried at its best radii, so only its
     // disadvantages are shown.
     if let Some(next) = chosen.runner_up() {

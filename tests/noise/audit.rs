@@ -32,11 +32,11 @@ albedo = 0.6
 [materials.soil]
 albedo = 0.8
 [environment]
-radiance = 10
+radiance = 100
 [[light]]
 type = "sun"
 direction = [-0.4, -1, -0.3]
-irradiance = 100
+irradiance = 1000
 [[light]]
 type = "point"
 position = [0, 0.5, 0]

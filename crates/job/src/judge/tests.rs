@@ -147,7 +147,7 @@ fn images_that_cannot_be_judged_are_refused() {
     };
     let gray = vec![Rgb::ONE; 64];
     assert!(shown(&[gray.clone(), gray.clone()], (8, 8)).contains("another seed"));
-    assert!(shown(&[gray.clone()], (8, 9)).contains("same resolution"));
+    assert!(shown(std::slice::from_ref(&gray), (8, 9)).contains("same resolution"));
     assert!(shown(&[], (8, 8)).contains("0 images"));
     let mut bad = gray;
     bad[9] = Rgb::NAN;

@@ -27,8 +27,7 @@ use bytemuck::{Pod, Zeroable};
 pub use medium::{MediumBeam, MediumPoint};
 pub(super) use meter::at_pane;
 use mis::LastVertex;
-use std::array::from_fn;
-use std::mem;
+use std::{array::from_fn, mem};
 
 /// Pixel and number of a camera path, which determine its random numbers.
 #[derive(Clone, Copy, Debug)]

@@ -1,0 +1,75 @@
+//! Audits of images by `bdpm render`, and the judge of `bdpm compare --scene`.
+
+use crate::common::program_output::{json, succeed};
+use bdpm::image_io::{Value, read_exr, write_exr};
+use std::path::Path;
+use std::process::{Command, Output};
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box-classic");
+
+fn bdpm(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_bdpm")).args(arguments).output().unwrap()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+#[test]
+fn audit_is_in_the_report_and_in_the_image() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = folder.path().join("a.exr");
+    let render = |more: &[&str]| {
+        let fixed = ["render", SCENE, "--accel", "bvh", "--resolution", "48x48", "--json"];
+        let chosen = ["--strategy", "single", "--output", text(&image)];
+        bdpm(&[&fixed[..], &chosen, more].concat())
+    };
+    let report = json(&render(&["--time", "2s"]));
+    let audit = &report["audit"];
+    assert_eq!(audit["verdict"], "agrees", "{audit}");
+    assert!(audit["paths"].as_f64().unwrap() > 1000.0 && audit["not_audited"] == 0.0, "{audit}");
+    let scales = audit["scales"].as_array().unwrap();
+    assert!(scales.len() >= 3 && scales[0]["side"] == 2, "{audit}");
+    let attributes = read_exr(&image).unwrap().metadata;
+    assert_eq!(attributes["audit"], Value::Text("agrees".into()));
+
+    assert!(json(&render(&["--time", "1s", "--audit", "0"]))["audit"].is_null());
+    assert!(!read_exr(&image).unwrap().metadata.contains_key("audit"));
+    let fixed = ["--iterations", "8", "--light-paths", "1000", "--camera-paths", "1"];
+    assert!(json(&render(&fixed))["audit"].is_null());
+    let asked = json(&render(&[&fixed[..], &["--audit", "50%"]].concat()));
+    assert!(asked["audit"]["paths"].as_f64().unwrap() > 0.0, "{asked}");
+    let refused = render(&["--audit", "60%"]);
+    let shown = String::from_utf8(refused.stderr).unwrap();
+    assert!(!refused.status.success() && shown.contains("at most 50%"), "{shown}");
+}
+
+#[test]
+fn judge_tells_a_brighter_image_from_a_right_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second, bright] = ["a.exr", "b.exr", "c.exr"].map(|name| folder.path().join(name));
+    for (path, seed) in [(&first, "1"), (&second, "2")] {
+        let fixed = ["render", SCENE, "--accel", "bvh", "--strategy", "path", "--quiet"];
+        let counts = ["--iterations", "32", "--light-paths", "2", "--camera-paths", "4"];
+        let own = ["--resolution", "48x48", "--seed", seed, "--output", text(path)];
+        succeed(&bdpm(&[&fixed[..], &counts, &own].concat()));
+    }
+    let mut image = read_exr(&first).unwrap();
+    for (_, values) in image.layers.iter_mut().flat_map(|layer| &mut layer.channels) {
+        values.iter_mut().for_each(|value| *value *= 1.2);
+    }
+    write_exr(&bright, &image).unwrap();
+    let judge = |images: &[&Path]| {
+        let images: Vec<&str> = images.iter().map(|path| text(path)).collect();
+        let own = ["--scene", SCENE, "--time", "2s", "--json"];
+        json(&bdpm(&[&["compare"][..], &images, &own].concat()))
+    };
+    let right = judge(&[&first, &second]);
+    let [ratio, error] = ["ratio", "error"].map(|name| right["mean"][name].as_f64().unwrap());
+    assert!((ratio - 1.0).abs() < 6.0 * error && right["noise"] == "two-images", "{right}");
+    let wrong = judge(&[&bright]);
+    assert!(wrong["verdict"] == "wrong" && wrong["noise"] == "neighbors", "{wrong}");
+    assert!((wrong["factor"].as_f64().unwrap() - 1.2).abs() < 0.05, "{wrong}");
+    let lacking = bdpm(&["compare", text(&first)]);
+    assert!(!lacking.status.success(), "without --scene there is a second image");
+}
