@@ -42,7 +42,7 @@ fn functions(text: &str) -> Vec<(String, usize)> {
     let length = |(start, indent, name): (usize, usize, &str)| {
         let ends =
             |line: &&str| line.get(indent..) == Some("}") && line[..indent].trim().is_empty();
-        let end = lines[start..].iter().position(|line| ends(line))?;
+        let end = lines[start..].iter().position(ends)?;
         Some((name.to_owned(), end + 1))
     };
     starts.filter_map(length).collect()

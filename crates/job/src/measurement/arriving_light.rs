@@ -64,11 +64,9 @@ struct DiscSums {
 
 impl DiscSums {
     fn add(&mut self, values: &DiscIrradiances) {
-        for level in 0..RADII {
-            self.values[level].add(values[level]);
-        }
-        for level in 0..RADII - 1 {
-            self.differences[level].add(values[level] - values[level + 1]);
+        self.values.iter_mut().zip(values).for_each(|(sums, value)| sums.add(*value));
+        for (sums, pair) in self.differences.iter_mut().zip(values.windows(2)) {
+            sums.add(pair[0] - pair[1]);
         }
     }
 
