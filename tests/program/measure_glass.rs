@@ -51,12 +51,14 @@ fn slab(low: f32, high: f32, half: f32, material: u32) -> Vec<Mesh> {
     meshes
 }
 
-fn measure(scene: Arc<Scene>, meter: Meter, time: Duration) -> Measurement {
+/// Measures to a target, or for a short time.
+fn measure(scene: Arc<Scene>, meter: Meter, target: Option<f64>) -> Measurement {
     let cornell_box = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box");
     let other = bdpm::load(Path::new(cornell_box)).unwrap();
     let loaded = Loaded { scene, defaults: PartialSettings::default(), ..other };
     let set = MeterSet::single("meter", MeterKind::Irradiance, meter);
-    let job = MeasureJob::new(&loaded).meters(vec![set]).time(time);
+    let time = target.is_none().then_some(Duration::from_millis(300));
+    let job = MeasureJob::new(&loaded).meters(vec![set]).target(target).time(time);
     let settings = PartialSettings { seed: Some(4), ..PartialSettings::default() };
     job.settings(settings).backend(Backend::Bvh).run(|_| ControlFlow::Continue(())).unwrap()
 }
@@ -65,7 +67,7 @@ fn measure(scene: Arc<Scene>, meter: Meter, time: Duration) -> Measurement {
 /// of it.
 #[track_caller]
 fn assert_holds(scene: Arc<Scene>, meter: Meter, expected: f64, width: f64) {
-    let measurement = measure(scene, meter, Duration::from_millis(1500));
+    let measurement = measure(scene, meter, Some(width));
     let reading = measurement.sets[0].readings[0];
     println!("{reading:?}, not {expected}: {:?}", measurement.techniques);
     // Rounding of single precision besides the stated uncertainty.
@@ -82,8 +84,9 @@ fn floor() -> Mesh {
     square(Vec3::new(0.0, 0.0, -1.0), Vec3::Z, 3.0, 0)
 }
 
-/// Lamps of 1000 cd at 2 m, behind one centimeter of glass at half the height. Expected: `I T/d^2`,
-/// where `T = (1 - R)/(1 + R)` has all reflections and the distance is shorter by `t (1 - 1/n)`.
+/// Lamps of 1000 cd at 2 m, behind one centimeter of glass. Expected: `I T/d^2`, where
+/// `T = (1 - R)/(1 + R)` has all reflections and the distance is shorter by `t (1 - 1/n)`. The slab
+/// is not at half the height, where its edges would mirror the lamp to the meter.
 #[test]
 fn lamps_without_a_surface_shine_through_slabs_and_sheets() {
     let at = Vec3::new(0.0, 0.0, 2.0);
@@ -98,7 +101,7 @@ fn lamps_without_a_surface_shine_through_slabs_and_sheets() {
     let transmittance = 0.96 / 1.04;
     let through_slab = 1000.0 * transmittance / (2.0f64 - 0.01 / 3.0).powi(2);
     for lamp in [point_light(at, intensity), spot] {
-        let meshes = [vec![floor()], slab(1.0, 1.01, 2.0, 1)].concat();
+        let meshes = [vec![floor()], slab(0.7, 0.71, 2.0, 1)].concat();
         let lit = scene(meshes, vec![gray(0.0, 0.0), glass()], vec![lamp.clone()], blind());
         assert_holds(lit, up(), through_slab, 0.02);
         let meshes = vec![floor(), square(Vec3::Z, Vec3::Z, 2.0, 1)];
@@ -107,12 +110,11 @@ fn lamps_without_a_surface_shine_through_slabs_and_sheets() {
     }
 }
 
-/// A lamp that a slab displaces by much: the exact path is found by bisection of the angle.
+/// A lamp that a slab displaces by much: the exact path is found by bisection of the angle. No edge
+/// of the slab mirrors the lamp to the meter.
 #[test]
-fn oblique_lamp_behind_thick_slabs_is_seen_where_they_displace_it() {
-    let (x, height) = (2.0f64, 1.5f64);
-    let slabs = [[0.5f32, 0.8], [1.0, 1.1]];
-    let thickness = 0.4;
+fn oblique_lamp_behind_a_thick_slab_is_seen_where_it_displaces_it() {
+    let (x, height, thickness) = (2.0f64, 1.5f64, 0.3);
     let inside = |sin: f64| (1.0 - (sin / 1.5).powi(2)).sqrt();
     let reach = |sin: f64| {
         let cos = (1.0 - sin * sin).sqrt();
@@ -137,14 +139,12 @@ fn oblique_lamp_behind_thick_slabs_is_seen_where_they_displace_it() {
         [s, p]
     };
     let through = reflectance(cos, inside(sin)).map(|r| (1.0 - r) / (1.0 + r));
-    // The mean over both polarizations for each slab.
-    let transmittance = (0.5 * (through[0] + through[1])).powi(2);
+    let transmittance = 0.5 * (through[0] + through[1]);
     let expected = 1000.0 * transmittance * cos / spread;
-    let meshes = slabs.into_iter().flat_map(|[low, high]| slab(low, high, 4.0, 1));
-    let meshes = std::iter::once(floor()).chain(meshes).collect();
+    let meshes = [vec![floor()], slab(0.2, 0.5, 4.0, 1)].concat();
     let lamp = point_light(Vec3::new(x as f32, 0.0, height as f32), 1000.0 / LUMENS);
     let lit = scene(meshes, vec![gray(0.0, 0.0), glass()], vec![lamp], blind());
-    assert_holds(lit, up(), expected, 0.1);
+    assert_holds(lit, up(), expected, 0.02);
 }
 
 /// Parallel light of 10,000 lx at 45 degrees through one centimeter of glass: `E T cos` with the
@@ -207,7 +207,7 @@ fn small_sun_of_an_environment_shines_through_panes() {
         let lit = Scene::clone(&scene(meshes, materials, vec![], blind()));
         let lit = Arc::new(lit.with_environment(map.clone()));
         // The pixel is half a degree wide, hence its cosines are 1.
-        assert_holds(lit, meter, open * 0.96 / 1.04, 0.01);
+        assert_holds(lit, meter, open * 0.96 / 1.04, 0.02);
     }
 }
 
@@ -228,7 +228,7 @@ fn meters_without_any_light_are_unknown() {
     let lamp = square(Vec3::new(0.0, 0.0, 3.0), Vec3::Z, 0.5, 1);
     let cover = square(Vec3::new(0.0, 0.0, 2.0), Vec3::NEG_Z, 50.0, 0);
     let dark = scene(vec![lamp, cover], vec![gray(0.5, 0.0), gray(0.0, 1.0)], vec![], blind());
-    let measurement = measure(dark, up(), Duration::from_millis(300));
+    let measurement = measure(dark, up(), None);
     let reading = measurement.sets[0].readings[0];
     assert!(!reading.is_known() && reading.expanded.is_nan(), "{reading:?}");
     assert!(!measurement.reached);
