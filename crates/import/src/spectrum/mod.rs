@@ -165,7 +165,9 @@ mod tests {
         assert!((luminance(color(2856.0)) - 1.0).abs() < 1e-5);
         let day = color(6500.0);
         assert!((day - Rgb::ONE).abs().max_element() < 0.1, "{day}");
-        // Cold bodies are red, however little light they emit.
-        assert!(color(100.0).is_finite() && color(100.0).x > 1.0, "{}", color(100.0));
+        // Embers are red. Of colder bodies, whose light nobody sees, colors are numbers still.
+        let ember = color(800.0);
+        assert!(ember.x > 2.0 && ember.y < 0.6 && ember.z == 0.0, "{ember}");
+        assert!(color(100.0).is_finite() && color(100.0).min_element() >= 0.0);
     }
 }
