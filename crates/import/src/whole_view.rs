@@ -5,7 +5,7 @@ use bdpm_core::base::math::Bounds;
 use bdpm_core::scene::{Camera, FieldOfView};
 use glam::Vec3;
 
-/// Opening angle of [`camera`] across the image's height, degrees.
+/// Opening angle of a camera that sees all across the image's height, degrees.
 pub const WHOLE_VIEW_DEGREES: f32 = 40.0;
 
 /// A camera that sees all of `bounds` from the front (+z) and above, just far enough for the

@@ -4,9 +4,9 @@
 //! meters -> one render job per kind and group of lights -> readings -> Measurement
 //! ```
 //!
-//! Each meter is a pixel of the image of a [`RenderJob`], which chooses technique, radii and counts
-//! for the relative error of the meters. Groups of lights are measured apart: their errors are
-//! independent, so that the uncertainty of any mix of them follows.
+//! Each meter is a pixel of the image of a [`RenderJob`](crate::RenderJob), which chooses
+//! technique, radii and counts for the relative error of the meters. Groups of lights are measured
+//! apart: their errors are independent, so that the uncertainty of any mix of them follows.
 
 mod arriving_light;
 mod extremes;
@@ -155,7 +155,7 @@ impl MeasureJob {
     /// Measures, and reports progress to `observer`, which may end the measurement.
     ///
     /// # Errors
-    /// If there are no meters, and those of [`RenderJob::run`].
+    /// If there are no meters, and those of [`RenderJob::run`](crate::RenderJob::run).
     pub fn run(
         self,
         mut observer: impl FnMut(MeasureProgress) -> ControlFlow<()>,
