@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::base::rng::{Stream, StreamKey};
+use crate::scene::lights::LightSample;
 
 /// An environment of very different pixels.
 fn environment(turn_deg: f32) -> Environment {

@@ -1,0 +1,178 @@
+//! Connects vertices with points on lights: chooses a light for a receiver, then a point on it.
+
+use super::emitter::Emitter;
+use super::environment::Environment;
+use super::{LightSample, Lights, Receiver};
+use crate::base::rng::Rng;
+use crate::simd::LANES;
+use glam::Vec3;
+
+/// A light that was chosen for a receiver, by its index. The environment has the index after the
+/// last emitter.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ChosenLight {
+    pub index: usize,
+    /// Probability of the choice.
+    pub prob: f32,
+    pub at: Receiver,
+}
+
+/// Receivers that connect with the environment.
+#[derive(Default)]
+struct Skies {
+    count: usize,
+    /// Their numbers among all receivers.
+    receivers: [usize; LANES],
+    positions: [Vec3; LANES],
+    /// Densities of the choice of the environment and the region; see
+    /// [`Environment::connect_each`].
+    probs: [f32; LANES],
+    numbers: [[f64; 2]; LANES],
+}
+
+/// A point on a light to connect with, and the kind of the light.
+#[derive(Clone, Copy, Debug)]
+pub struct ConnectedLight {
+    /// The point, and the irradiance if nothing is in between.
+    pub sample: LightSample,
+    /// The light has no surface.
+    pub is_delta: bool,
+    /// The light is at an infinite distance: the environment, or parallel light.
+    pub is_parallel: bool,
+    /// The light, and the probability of its choice.
+    chosen: ChosenLight,
+}
+
+impl Lights {
+    /// Chooses a point on a light to connect `at` with; `None` if that point cannot light it.
+    pub fn connect(&self, at: Receiver, rng: &mut Rng) -> Option<LightSample> {
+        let (index, prob) = self.by_estimate.choose(at, rng.next_f64())?;
+        self.connect_chosen(ChosenLight { index, prob, at }, rng)
+    }
+
+    /// [`Self::connect`] with the kind of the light.
+    pub fn connect_light(&self, at: Receiver, rng: &mut Rng) -> Option<ConnectedLight> {
+        let (index, prob) = self.by_estimate.choose(at, rng.next_f64())?;
+        let chosen = ChosenLight { index, prob, at };
+        let sample = self.connect_chosen(chosen, rng)?;
+        let emitter = self.emitters.get(index);
+        Some(ConnectedLight {
+            sample,
+            is_delta: emitter.is_some_and(Emitter::is_delta),
+            is_parallel: emitter.is_none_or(|own| matches!(own, Emitter::Directional(_))),
+            chosen,
+        })
+    }
+
+    /// Connects another position with the same light without a surface; `None` if it does not shine
+    /// there.
+    pub fn connect_delta_again(
+        &self,
+        light: &ConnectedLight,
+        position: Vec3,
+    ) -> Option<LightSample> {
+        // Lights without a surface draw no numbers.
+        let at = Receiver { position, normal: None };
+        self.connect_chosen(ChosenLight { at, ..light.chosen }, &mut Rng::default())
+    }
+
+    /// [`Self::connect`] with lights that no ray can hit; `None` if there are none.
+    #[inline(never)] // rare
+    pub fn connect_delta(&self, at: Receiver, rng: &mut Rng) -> Option<LightSample> {
+        let (index, prob) = self.delta_by_estimate.choose(at, rng.next_f64())?;
+        self.connect_chosen(ChosenLight { index, prob, at }, rng)
+    }
+
+    /// [`Self::connect`] for each of at most [`LANES`] receivers, by its own generator. Together
+    /// they wait less for memory than one by one.
+    pub fn connect_each(
+        &self,
+        receivers: &[Receiver],
+        rngs: &mut [Rng],
+        samples: &mut [Option<LightSample>],
+    ) {
+        let mut chosen = [None; LANES];
+        for ((chosen, &at), rng) in chosen.iter_mut().zip(receivers).zip(rngs.iter_mut()) {
+            let choice = self.by_estimate.choose(at, rng.next_f64());
+            *chosen = choice.map(|(index, prob)| ChosenLight { index, prob, at });
+        }
+        self.connect_each_chosen(&chosen[..receivers.len()], rngs, samples);
+    }
+
+    /// [`Self::connect`] with a light chosen by its power alone: a simple check of choices by
+    /// estimate.
+    ///
+    /// # Panics
+    /// If there are no lights.
+    pub fn connect_by_power(&self, position: Vec3, rng: &mut Rng) -> Option<LightSample> {
+        let (index, prob) = self.by_power.choose(rng.next_f64());
+        let at = Receiver { position, normal: None };
+        self.connect_chosen(ChosenLight { index, prob, at }, rng)
+    }
+
+    #[inline(never)] // point lights do not call it: see `connect_all`
+    pub(super) fn connect_chosen(&self, chosen: ChosenLight, rng: &mut Rng) -> Option<LightSample> {
+        let mut samples = [None];
+        self.connect_each_chosen(&[Some(chosen)], std::slice::from_mut(rng), &mut samples);
+        samples[0]
+    }
+
+    /// Chooses points on the chosen lights, at most [`LANES`], to connect their receivers with,
+    /// each by its own generator; `None` where the point cannot light the receiver.
+    pub(super) fn connect_each_chosen(
+        &self,
+        chosen: &[Option<ChosenLight>],
+        rngs: &mut [Rng],
+        samples: &mut [Option<LightSample>],
+    ) {
+        let mut skies = Skies::default();
+        for (number, (chosen, rng)) in chosen.iter().zip(rngs).enumerate() {
+            samples[number] = None;
+            let Some(ChosenLight { index, prob, at }) = *chosen else { continue };
+            match self.emitters.get(index) {
+                Some(emitter) => samples[number] = emitter.connect(at.position, prob, rng),
+                None => self.choose_sky(number, prob, at, rng, &mut skies),
+            }
+        }
+        self.connect_skies(&skies, samples);
+        if self.has_weighted_guide() {
+            for (sample, chosen) in samples.iter_mut().zip(chosen) {
+                if let (Some(sample), Some(chosen)) = (sample, chosen) {
+                    let ray = [sample.target, -sample.wi];
+                    sample.relative /= self.guide_density(chosen.index, ray);
+                }
+            }
+        }
+    }
+
+    /// Adds the numbers of a direction toward the environment for the receiver of this number.
+    fn choose_sky(&self, number: usize, prob: f32, at: Receiver, rng: &mut Rng, skies: &mut Skies) {
+        let (region, density) = if self.by_estimate.has_regions() {
+            let u = rng.next_f64();
+            let Some((region, density)) = self.by_estimate.choose_region(at, u) else { return };
+            (Some(region), density)
+        } else {
+            (None, 1.0)
+        };
+        let own = skies.count;
+        skies.receivers[own] = number;
+        skies.positions[own] = at.position;
+        skies.probs[own] = prob * density;
+        skies.numbers[own] = Environment::connection_numbers(region, rng);
+        skies.count += 1;
+    }
+
+    fn connect_skies(&self, skies: &Skies, samples: &mut [Option<LightSample>]) {
+        let count = skies.count;
+        if count == 0 {
+            return;
+        }
+        let mut own = [LightSample::default(); LANES];
+        let Skies { numbers, probs, positions, .. } = skies;
+        let map = self.chosen_environment();
+        map.connect_each(&numbers[..count], &probs[..count], positions, &mut own[..count]);
+        for (&number, own) in skies.receivers[..count].iter().zip(own) {
+            samples[number] = Some(own);
+        }
+    }
+}
