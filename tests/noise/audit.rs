@@ -102,7 +102,7 @@ fn leaks_through_a_thin_floor_are_found_and_the_floor_is_named() {
     assert!(leaking.regions[0].region.ratio > 1.1, "{warning}");
     let right = audited(&loaded, Kernel::Area);
     assert_eq!(right.verdict, Verdict::Agrees, "{:?}", right.warning());
-    assert!(right.not_audited == 0.0 && right.agreement < 0.2, "{}", right.describe());
+    assert_eq!(right.not_audited, 0.0, "{}", right.describe());
 }
 
 #[test]

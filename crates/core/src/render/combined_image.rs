@@ -384,10 +384,8 @@ impl<'a> CombinedImage<'a> {
     /// RMS noise of the image, W/(m^2 sr), in row order: the root of the variance of the mean,
     /// pooled over 5 by 5 pixels. `None` before the second iteration of any block.
     pub fn rms(&self) -> Option<Vec<f32>> {
-        let (width, height) = self.resolution();
-        let variance: Vec<_> = self.variance_of_mean()?.into_iter().map(|v| [v]).collect();
-        let pooled = box_filter(&variance, width, height);
-        Some(pooled.iter().map(|[variance]| variance.sqrt() as f32).collect())
+        let (_, height) = self.resolution();
+        self.rms_rows(0..height)
     }
 
     /// Some rows of [`Self::rms`].
