@@ -39,8 +39,8 @@ pub struct MeanSeries {
     latest: Vec<f64>,
     /// Sum of each meter over the iterations of the latest block.
     latest_of_meters: Vec<f64>,
-    /// Values of each meter in all iterations, by classes; then those of each set.
-    rare: Vec<RareLight>,
+    /// Values of each meter in all iterations, by classes; then those of each set; for each block.
+    rare: Vec<Vec<RareLight>>,
 }
 
 impl MeanSeries {
@@ -51,15 +51,25 @@ impl MeanSeries {
             blocks: Vec::new(),
             latest: Vec::new(),
             latest_of_meters: vec![0.0; meters],
-            rare: vec![RareLight::default(); meters + sets.len()],
+            rare: Vec::new(),
             sets,
         }
     }
 
     /// Light that all iterations are expected to miss, of each meter and then of the mean of each
-    /// set, W/m^2.
-    pub fn unseen(&self) -> Vec<f64> {
-        self.rare.iter().map(RareLight::unseen).collect()
+    /// set, W/m^2. Iterations have the weights of their blocks: those of few paths count little.
+    pub fn unseen(&self, weights: &[f64]) -> Vec<f64> {
+        let of_one = |index: usize| {
+            let blocks = self.rare.iter().zip(weights);
+            let (mut sum, mut total) = (0.0, 0.0);
+            for (block, weight) in blocks {
+                let share = weight * block[index].count() as f64;
+                sum += share * block[index].unseen();
+                total += share;
+            }
+            if total > 0.0 { sum / total } else { 0.0 }
+        };
+        (0..self.latest_of_meters.len() + self.sets.len()).map(of_one).collect()
     }
 
     /// Adds the latest iteration. Starts again if the image did.
@@ -68,16 +78,19 @@ impl MeanSeries {
         let film = &blocks[blocks.len() - 1].film;
         if blocks.len() < self.blocks.len() || film.iterations == 1 && blocks.len() == 1 {
             self.blocks.clear();
-            self.rare.fill(RareLight::default());
+            self.rare.clear();
         }
         if blocks.len() > self.blocks.len() {
             self.latest_of_meters.fill(0.0);
+            let count = self.latest_of_meters.len() + self.sets.len();
+            self.rare.resize(blocks.len(), vec![RareLight::default(); count]);
             self.blocks.resize(blocks.len(), vec![Moments::default(); self.sets.len()]);
             self.latest = vec![0.0; self.sets.len()];
         }
         let sums = film.sums.map_rows(|pixel| luminance(pixel.radiance));
         let moments = self.blocks.last_mut().expect("resized");
-        let (of_meters, of_sets) = self.rare.split_at_mut(self.latest_of_meters.len());
+        let rare = self.rare.last_mut().expect("resized");
+        let (of_meters, of_sets) = rare.split_at_mut(self.latest_of_meters.len());
         for ((sum, latest), rare) in sums.iter().zip(&mut self.latest_of_meters).zip(of_meters) {
             rare.add(sum - *latest);
             *latest = *sum;

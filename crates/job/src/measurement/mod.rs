@@ -214,6 +214,7 @@ impl MeasureJob {
             let worst = set.worst(self.means_only);
             measurement.reached &= target.is_none_or(|target| worst <= target);
         }
+        measurement.reached &= measurement.unknown().is_empty();
         measurement.time = start.elapsed();
         Ok(measurement)
     }

@@ -228,7 +228,7 @@ fn readings(state: &RenderState, series: &MeanSeries, columns: &[Range<usize>]) 
     let squared = convergence.squared_bias(&state.stop);
     let bias = (squared.value + squared.deviation).max(0.0).sqrt();
     let of_means = series.variances(image.weights());
-    let (unseen, meters) = (series.unseen(), values.len());
+    let (unseen, meters) = (series.unseen(image.weights()), values.len());
     let of_set = |(set, (columns, variance)): (usize, (&Range<usize>, f64))| {
         let reading = |column: usize| {
             let (value, direct) = (values[column], direct[column]);

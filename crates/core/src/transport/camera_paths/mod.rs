@@ -25,9 +25,9 @@ use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, Vec3s, any};
 use bytemuck::{Pod, Zeroable};
 pub use medium::{MediumBeam, MediumPoint};
-pub(super) use meter::at_pane;
 use mis::LastVertex;
 use std::{array::from_fn, mem};
+pub(super) use {meter::at_pane, non_diffuse::survives_passing};
 
 /// Pixel and number of a camera path, which determine its random numbers.
 #[derive(Clone, Copy, Debug)]

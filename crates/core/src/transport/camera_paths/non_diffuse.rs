@@ -289,7 +289,7 @@ const LONG_CHAIN: u32 = 16;
 const LONG_CHAIN_END: f32 = 0.1;
 
 /// Plays roulette where a path passes through a vertex, and returns whether it survives.
-pub(super) fn survives_passing(state: &mut PathState) -> bool {
+pub(in crate::transport) fn survives_passing(state: &mut PathState) -> bool {
     state.history = state.history.passed_through();
     // Channels of a path with a wavelength may be negative.
     let share = state.weight.abs().max_element() * state.inverse_start;

@@ -5,8 +5,8 @@
 mod discs;
 mod guide;
 
+use super::camera_paths::{at_pane, survives_passing};
 use super::free_flight::{Passed, travel};
-use super::light_paths::survival;
 use super::path_state::{History, PathState};
 use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::base::math::{Rgb, luminance};
@@ -270,7 +270,7 @@ impl<'a> MeterPhotons<'a> {
         if history.is_straight()
             && let Some(pane) = self.scene.pane_at(self.accel, surface, history.media())
         {
-            let (ray, state) = super::camera_paths::at_pane(&pane, surface, state)?;
+            let (ray, state) = at_pane(&pane, surface, state)?;
             return Some((ray, PathState { history: state.history.through_slab(), ..state }));
         }
         let mut surface = *surface;
@@ -286,12 +286,9 @@ impl<'a> MeterPhotons<'a> {
         if is_connected || !sample.lobe.passes_through() || !surface.agrees(&at, sample.wi) {
             return None;
         }
-        let survival = survival(sample.weight);
-        state.weight *= sample.weight / survival;
-        if state.rng.next_1d() >= survival {
-            return None;
-        }
-        state.history = state.history.passed_through().leaving(self.scene, &surface, sample.wi);
-        Some((Ray::new(surface.start(sample.wi), sample.wi), state))
+        state.weight *= sample.weight;
+        state.history = state.history.leaving(self.scene, &surface, sample.wi);
+        // Glass may trap light by total reflection.
+        survives_passing(&mut state).then(|| (Ray::new(surface.start(sample.wi), sample.wi), state))
     }
 }
