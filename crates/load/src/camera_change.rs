@@ -59,11 +59,6 @@ impl FromStr for LookAt {
 }
 
 impl CameraChange<'_> {
-    /// Returns true if the position of the scene's own camera has no effect.
-    pub(super) fn replaces_position(&self) -> bool {
-        self.from.is_some() || self.look_at.is_some()
-    }
-
     /// The changed camera, and the resolution of the scene that it is from.
     ///
     /// # Errors

@@ -9,7 +9,6 @@ use bdpm_core::scene::{Emitter, Environment, Scene};
 use bdpm_import::Warning;
 use std::f32::consts::PI;
 use std::path::Path;
-use std::sync::Arc;
 
 /// Minimum share of the visible surfaces that must not be black.
 const MIN_LIT: f64 = 0.5;
@@ -18,11 +17,9 @@ const MIN_LIT_BY_PLACED: f64 = 0.2;
 
 /// The scene with light, and a warning about added light. The scene keeps its own light if that
 /// shows what the camera sees. Otherwise it gets a soft environment and, where too little of that
-/// gets in, a lamp near the camera as well. `accel` is the scene's acceleration structure, if there
-/// is one already.
+/// gets in, a lamp near the camera as well.
 pub(super) fn with_light(
     mut scene: Scene,
-    accel: Option<Arc<dyn Intersect>>,
     resolution: [u32; 2],
     path: &Path,
     warnings: &mut Vec<Warning>,
@@ -33,9 +30,7 @@ pub(super) fn with_light(
     let is_inside = eye.cmpge(bounds.min).all() && eye.cmple(bounds.max).all();
     // The decision does not depend on the backend of the render. A scene that no backend supports
     // is refused later.
-    let is_checked = has_own || is_inside;
-    let built = || build(Backend::Bvh, &scene).ok();
-    let accel = if is_checked { accel.or_else(built) } else { None };
+    let accel = if has_own || is_inside { build(Backend::Bvh, &scene).ok() } else { None };
     let Some(accel) = accel else {
         if !has_own {
             warnings.push(warning(path, "nothing emits light", &environment_text(1.0)));
@@ -54,22 +49,26 @@ pub(super) fn with_light(
     // Emission is meant to be seen under the light of viewers, of about 1. Placed lights may have
     // any strength.
     let white = own.filter(|_| is_placed).and_then(|own| own.typical_radiance()).unwrap_or(1.0);
-    let black = 100.0 * (1.0 - own_share);
     let problem = match has_own {
-        true => format!("its lights leave {black:.0}% of the visible surfaces black"),
+        true => format!(
+            "its lights leave {:.0}% of the visible surfaces black",
+            100.0 * (1.0 - own_share)
+        ),
         false => "nothing emits light".to_owned(),
     };
     scene = scene.with_environment(soft(white));
     let with_environment = check(&scene);
     let share = with_environment.lit_share();
     if share < min_lit {
-        let lamp = Lamp::new(&scene, &*accel, with_environment.mean_distance2());
-        let with_lamp = scene.clone().with_light(lamp.emitter());
+        let distance2 = with_environment.mean_distance2();
+        let Lamp { position, intensity } = Lamp::new(&scene, &*accel, distance2);
+        let lamp = Emitter::Point { position, intensity: glam::Vec3::splat(intensity) };
+        let with_lamp = scene.clone().with_light(lamp);
         if check(&with_lamp).lit_share() > share {
-            let Lamp { position, intensity } = lamp;
-            let lamp = format!("a point light of {intensity} W/sr at {position}");
-            let environment = environment_text(white);
-            let added = format!("{environment} and, because little of that gets in, {lamp}");
+            let added = format!(
+                "{} and, because little of that gets in, a point light of {intensity} W/sr at {position}",
+                environment_text(white)
+            );
             warnings.push(warning(path, &problem, &added));
             return with_lamp;
         }
@@ -107,10 +106,6 @@ impl Lamp {
         let hit = accel.closest_hit(&Ray::new(camera.position(), camera.up()));
         let position = camera.position() + 0.5 * hit.t.min(scene.size()) * camera.up();
         Self { position, intensity: PI * distance2.clamp(f32::MIN_POSITIVE, f32::MAX / 8.0) }
-    }
-
-    fn emitter(&self) -> Emitter {
-        Emitter::Point { position: self.position, intensity: Rgb::splat(self.intensity) }
     }
 }
 

@@ -9,7 +9,6 @@ mod checks;
 mod default_camera;
 mod default_light;
 mod lit_check;
-mod sight;
 mod summary;
 
 pub use bdpm_import::NamedMesh;
@@ -134,12 +133,8 @@ fn complete(imported: Imported, path: &Path, options: &LoadOptions) -> Result<Lo
         mut assembly,
     } = imported;
     let change = options.camera_change;
-    let mut accel = None;
-    if !has_camera && !change.replaces_position() {
-        accel = default_camera::acceleration(&scene);
-        let inside = accel.as_deref().and_then(|accel| default_camera::inside(&scene, accel));
-        warnings.push(default_camera::warning(&scene.camera, inside.as_ref(), &change, &file));
-        scene.camera = inside.unwrap_or(scene.camera);
+    if !has_camera {
+        warnings.extend(default_camera::warning(&scene.camera, &change, &file));
     }
     let (camera, resolution) = change.apply(scene.camera)?;
     scene.camera = camera;
@@ -147,7 +142,7 @@ fn complete(imported: Imported, path: &Path, options: &LoadOptions) -> Result<Lo
     if may_lack_light && options.environment.is_none() && !options.no_fallback_light {
         let start = Instant::now();
         let resolution = defaults.resolution.unwrap_or([1, 1]);
-        scene = default_light::with_light(scene, accel, resolution, &file, &mut warnings);
+        scene = default_light::with_light(scene, resolution, &file, &mut warnings);
         assembly += start.elapsed();
     }
     checks::require_light(&scene).map_err(|error| error.at(&file))?;

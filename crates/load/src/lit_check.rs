@@ -3,7 +3,6 @@
 //! It traces few paths in few pixels and connects to lights through glass as if it were air. So it
 //! distinguishes lit scenes from dark ones also where all light passes a bulb or a window.
 
-use super::sight::Sight;
 use bdpm_core::accel::{Hit, Intersect, Ray};
 use bdpm_core::base::math::{Rgb, luminance};
 use bdpm_core::base::rng::{Rng, Stream, StreamKey};
@@ -19,6 +18,8 @@ const PIXELS: f32 = 1000.0;
 const PATHS: u32 = 6;
 /// Maximum number of segments of a path.
 const SEGMENTS: u32 = 6;
+/// Maximum number of glass surfaces that a connection passes through.
+const PANES: u32 = 16;
 /// Share of display white below which a pixel looks black: a fiftieth of the key of the preview's
 /// exposure.
 const BLACK: f32 = 0.004;
@@ -122,8 +123,19 @@ impl PathVisitor for Eye<'_> {
 
     /// Tests whether anything but glass blocks the light.
     fn is_blocked(&self, accel: &dyn Intersect, end: Vec3, light: &LightSample) -> bool {
-        let sight = Sight { scene: self.scene, accel };
-        sight.along(Ray::segment(end, light.target)).is_finite()
+        let mut ray = Ray::segment(end, light.target);
+        for _ in 0..PANES {
+            let hit = accel.closest_hit(&ray);
+            if hit.is_miss() {
+                return false;
+            }
+            let material = self.scene.placements()[hit.mesh as usize].material;
+            if !self.scene.materials()[material as usize].bsdf.transmits() {
+                return true;
+            }
+            ray.t_near = (hit.t * (1.0 + 1e-5)).max(f32::MIN_POSITIVE);
+        }
+        true
     }
 
     fn survival(&self, _: u32, _: Rgb) -> Option<f32> {

@@ -50,22 +50,7 @@ impl<'a> MaterialTables<'a> {
 /// The keys of a material without textures. The error is a property that scene files cannot
 /// represent.
 fn keys(material: &Material) -> std::result::Result<String, String> {
-    let mut text = scattering(material)?;
-    if material.emission != Rgb::ZERO || material.emission_texture.is_some() {
-        let _ = writeln!(text, "emission = {}", color(material.emission));
-    }
-    if material.hidden_from_camera {
-        text += "hidden = true\n";
-    }
-    if let Some(opacity) = material.opacity {
-        let _ = writeln!(text, "opacity = {}", number(opacity));
-    }
-    Ok(text)
-}
-
-/// The type of a material, and the keys of its BSDF.
-fn scattering(material: &Material) -> std::result::Result<String, String> {
-    Ok(match material.bsdf {
+    let mut text = match material.bsdf {
         Bsdf::Lambertian { albedo, two_sided } => {
             let sides = if two_sided { "" } else { "two_sided = false\n" };
             format!("type = \"lambertian\"\nalbedo = {}\n{sides}", color(albedo))
@@ -77,53 +62,71 @@ fn scattering(material: &Material) -> std::result::Result<String, String> {
             "type = \"boundary\"\n".to_owned()
         }
         Bsdf::Dielectric(interface) => {
-            let tint = factor("transmittance", interface.transmittance);
+            let tint = transmittance(interface.transmittance);
             format!("type = \"dielectric\"\n{}{tint}", media(material, interface.eta)?)
         }
         Bsdf::RoughDielectric(interface) => {
             let indices = media(material, interface.eta())?;
-            let tint = factor("transmittance", interface.transmittance());
+            let tint = transmittance(interface.transmittance());
             let facets = facets(interface.model());
             let rough = roughness(interface.alpha());
             format!("type = \"dielectric\"\n{indices}{rough}{facets}{tint}")
         }
         Bsdf::ThinDielectric(sheet) => {
-            let tint = factor("transmittance", sheet.transmittance);
+            let tint = transmittance(sheet.transmittance);
             format!("type = \"thin-dielectric\"\nior = {}\n{tint}", number(sheet.eta))
         }
         Bsdf::Conductor(metal) => {
             let look = reflectance(metal.reflectance());
+            let single = metal.single().map(|(model, tint)| {
+                let tinted = tint != Rgb::ONE;
+                let tint = if tinted { format!("tint = {}\n", color(tint)) } else { String::new() };
+                format!("{}{tint}", facets(model))
+            });
             let rough = roughness(metal.alpha());
-            let (facets, tint) = metal
-                .single()
-                .map_or(("", String::new()), |(model, tint)| (facets(model), factor("tint", tint)));
-            format!("type = \"metal\"\n{look}{rough}{facets}{tint}")
+            format!("type = \"metal\"\n{look}{rough}{}", single.unwrap_or_default())
         }
         Bsdf::Coated(coated) => {
             let (albedo, ior) = (color(coated.albedo()), number(coated.eta()));
             format!("type = \"coated\"\nalbedo = {albedo}\nior = {ior}\n")
         }
         Bsdf::Plastic(plastic) => {
-            let (albedo, width) = (color(plastic.albedo()), plastic.facets());
-            let is_rough = width.alpha > 0.0;
-            let (rough, facets) = match is_rough {
-                true => (roughness(width.alpha), facets(width.model)),
-                false => (String::new(), ""),
-            };
-            let (indices, tint) = (indices(plastic.eta())?, factor("tint", plastic.tint()));
-            let nonlinear = if plastic.is_nonlinear() { "nonlinear = true\n" } else { "" };
-            let keys = format!("{indices}{rough}{facets}{tint}{nonlinear}");
-            format!("type = \"plastic\"\nalbedo = {albedo}\n{keys}")
+            let (albedo, tint, width) = (plastic.albedo(), plastic.tint(), plastic.facets());
+            let mut text = format!("type = \"plastic\"\nalbedo = {}\n", color(albedo));
+            text += &indices(plastic.eta())?;
+            if width.alpha > 0.0 {
+                text += &roughness(width.alpha);
+                text += facets(width.model);
+            }
+            if tint != Rgb::ONE {
+                let _ = writeln!(text, "tint = {}", color(tint));
+            }
+            if plastic.is_nonlinear() {
+                text += "nonlinear = true\n";
+            }
+            text
         }
         Bsdf::Principled(surface) => principled(surface.parameters())?,
         Bsdf::Glossy(glossy) => {
             let (albedo, metallic) = (color(glossy.albedo()), number(glossy.metallic()));
-            let ior = number(glossy_ior(&glossy).ok_or("its refractive index is lost")?);
-            let rough = roughness(glossy.alpha());
-            let keys = format!("ior = {ior}\nmetallic = {metallic}\n{rough}");
-            format!("type = \"glossy\"\nalbedo = {albedo}\n{keys}")
+            let ior = glossy_ior(&glossy).ok_or("its refractive index is lost")?;
+            format!(
+                "type = \"glossy\"\nalbedo = {albedo}\nior = {}\nmetallic = {metallic}\n{}",
+                number(ior),
+                roughness(glossy.alpha())
+            )
         }
-    })
+    };
+    if material.emission != Rgb::ZERO || material.emission_texture.is_some() {
+        let _ = writeln!(text, "emission = {}", color(material.emission));
+    }
+    if material.hidden_from_camera {
+        text += "hidden = true\n";
+    }
+    if let Some(opacity) = material.opacity {
+        let _ = writeln!(text, "opacity = {}", number(opacity));
+    }
+    Ok(text)
 }
 
 /// The keys of a principled surface, without those that have their defaults.
@@ -162,9 +165,9 @@ fn facets(model: FacetModel) -> &'static str {
     }
 }
 
-/// The key of a factor other than 1.
-fn factor(key: &str, share: Rgb) -> String {
-    if share == Rgb::ONE { String::new() } else { format!("{key} = {}\n", color(share)) }
+/// The key of glass that is not clear.
+fn transmittance(share: Rgb) -> String {
+    if share == Rgb::ONE { String::new() } else { format!("transmittance = {}\n", color(share)) }
 }
 
 /// The textures that have an effect.

@@ -116,19 +116,6 @@ impl PrimitiveReader<'_> {
         }
     }
 
-    /// The vertices of all triangles.
-    fn triangles(&self, topology: Topology, vertices: u64) -> Result<Vec<[u32; 3]>> {
-        let Some(index) = self.primitive.indices else {
-            let corners = (0..topology.count(vertices)).map(|i| topology.corners(i));
-            // Less than the number of vertices, which fits.
-            return Ok(corners.map(|corners| corners.map(|corner| corner as u32)).collect());
-        };
-        let element = format!("{}.indices", self.element);
-        let indices = AccessorReader::open(self.buffers, index, "SCALAR", element)?;
-        indices.check_index()?;
-        indexed(topology, &indices, vertices)
-    }
-
     /// The mesh of a primitive of triangles, empty for points and lines. It has only the vertices
     /// that the primitive uses, because many primitives may share the accessors of all vertices.
     pub fn mesh(&self, request: &MeshRequest) -> Result<Mesh> {
@@ -142,7 +129,19 @@ impl PrimitiveReader<'_> {
         if vertices > u64::from(u32::MAX) {
             return Err(positions.error(format!("there are more than {} vertices", u32::MAX)));
         }
-        let mut triangles = self.triangles(topology, vertices)?;
+        let mut triangles = match self.primitive.indices {
+            None => {
+                let corners = (0..topology.count(vertices)).map(|i| topology.corners(i));
+                // Less than the number of vertices, which fits.
+                corners.map(|corners| corners.map(|corner| corner as u32)).collect()
+            }
+            Some(index) => {
+                let element = format!("{}.indices", self.element);
+                let indices = AccessorReader::open(self.buffers, index, "SCALAR", element)?;
+                indices.check_index()?;
+                indexed(topology, &indices, vertices)?
+            }
+        };
         let used = compact(&mut triangles);
         let normals = self.of_vertices("NORMAL", "VEC3", vertices)?;
         let uvs = request.uv_source.map(|source| {

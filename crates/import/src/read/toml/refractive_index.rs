@@ -28,19 +28,42 @@ struct IndexTable {
 
 impl IndexTable {
     fn index(self) -> Result<RefractiveIndex, Error> {
-        let Self { d, abbe, cauchy, sellmeier, nanometers, values } = self;
-        match (d, abbe, cauchy, sellmeier, nanometers, values) {
-            (Some(index), Some(abbe), None, None, None, None) => {
-                Ok(RefractiveIndex::Abbe { index, abbe })
-            }
-            (None, None, Some(terms), None, None, None) if (1..=3).contains(&terms.len()) => {
+        match self {
+            Self {
+                d: Some(index),
+                abbe: Some(abbe),
+                cauchy: None,
+                sellmeier: None,
+                nanometers: None,
+                values: None,
+            } => Ok(RefractiveIndex::Abbe { index, abbe }),
+            Self {
+                d: None,
+                abbe: None,
+                cauchy: Some(terms),
+                sellmeier: None,
+                nanometers: None,
+                values: None,
+            } if (1..=3).contains(&terms.len()) => {
                 let term = |i: usize| terms.get(i).copied().unwrap_or(0.0);
                 Ok(RefractiveIndex::Cauchy([term(0), term(1), term(2)]))
             }
-            (None, None, None, Some(terms), None, None) => Ok(RefractiveIndex::Sellmeier(terms)),
-            (None, None, None, None, Some(nanometers), Some(values)) => {
-                RefractiveIndex::of_samples(nanometers, values)
-            }
+            Self {
+                d: None,
+                abbe: None,
+                cauchy: None,
+                sellmeier: Some(terms),
+                nanometers: None,
+                values: None,
+            } => Ok(RefractiveIndex::Sellmeier(terms)),
+            Self {
+                d: None,
+                abbe: None,
+                cauchy: None,
+                sellmeier: None,
+                nanometers: Some(nanometers),
+                values: Some(values),
+            } => RefractiveIndex::of_samples(nanometers, values),
             _ => Err(Error::new(
                 "the table does not describe a refractive index",
                 "give `d` and `abbe`, or `cauchy` with up to 3 numbers, or `sellmeier` with pairs, or \
