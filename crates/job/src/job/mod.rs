@@ -91,13 +91,14 @@ const MOST_VISIBILITY_RAYS: u32 = 1 << 22;
 /// [`Self::settings`] fixes are not chosen.
 ///
 /// ```no_run
-/// use bdpm::{RenderJob, Stop};
+/// use bdpm_auto::Stop;
+/// use bdpm_job::RenderJob;
 /// use std::time::Duration;
 ///
-/// let scene = bdpm::load("scenes/cornell-box")?;
+/// let scene = bdpm_load::load("scenes/cornell-box")?;
 /// let result = RenderJob::new(&scene).stop(Stop::time(Duration::from_secs(60))).render()?;
 /// println!("{:?}", result.error);
-/// # Ok::<(), bdpm::Error>(())
+/// # Ok::<(), bdpm_core::Error>(())
 /// ```
 #[derive(Clone)]
 pub struct RenderJob {

@@ -43,14 +43,14 @@ pub const DEFAULT_TARGET: f64 = 0.02;
 /// Measures meters in a scene.
 ///
 /// ```no_run
-/// use bdpm::MeasureJob;
+/// use bdpm_job::MeasureJob;
 ///
-/// let loaded = bdpm::load("room.toml")?;
+/// let loaded = bdpm_load::load("room.toml")?;
 /// let measurement = MeasureJob::new(&loaded).target(0.01).run(|_| std::ops::ControlFlow::Continue(()))?;
 /// for set in &measurement.sets {
 ///     println!("{}: {} {}", set.name, set.mean.value, set.unit());
 /// }
-/// # Ok::<(), bdpm::Error>(())
+/// # Ok::<(), bdpm_core::Error>(())
 /// ```
 #[derive(Clone)]
 pub struct MeasureJob {
