@@ -38,7 +38,7 @@ fn map(report: &AuditReport) -> Markup {
     html! {
         div .figures .maps {
             figure .picture {
-                (picture.image())
+                div .pixels { (picture.image()) }
                 (picture.scale())
                 figcaption {
                     "Difference between the picture and path tracing, in squares of " (map.side)
