@@ -119,7 +119,7 @@ fn candidates(
     let goal = Stop { time: Some(time / 2), ..Stop::default() };
     let end = End::Time(0.5 * time.as_secs_f64());
     let base = Renderer::new(scene, accel, settings.clone())?;
-    let (chosen, _) = technique::choose(&base, FreeParameters::NONE, end)?;
+    let (chosen, _) = technique::choose(&base, FreeParameters::NONE, end, false)?;
     let autopilot = || Autopilot::new(chosen.best().times, 0.0);
     let renderer = || base.with_settings(chosen.best().apply(settings));
     let pilot = Pilot::new(autopilot().uniform(), &goal, renderer()?, chosen.best().times)?;

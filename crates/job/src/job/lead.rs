@@ -136,8 +136,9 @@ impl RenderJob {
         let free = self.chosen_parameters();
         let Prepared { threads, provenance, .. } = &mut run.prepared;
         let _ = observer(Event::Choosing(free, provenance));
+        let (end, denoises) = (pilot_end(&run.stop), run.denoising.is_some());
         let (chosen, may_revise) =
-            threads.install(|| technique::choose(&renderer, free, pilot_end(&run.stop)))?;
+            threads.install(|| technique::choose(&renderer, free, end, denoises))?;
         // Workers know only the settings of the start.
         run.revision = (free.any() && is_alone).then_some(may_revise);
         provenance.settings = chosen.apply(&provenance.settings);

@@ -429,6 +429,7 @@ pub enum End {
 /// Where no time is given, a short pilot predicts it, and a longer pilot follows if the time is
 /// long enough. The pilot runs in this process alone, whatever the number of `RenderConfig::ranks`.
 /// Returns the choice, and what may revise it once the image has rendered its first iterations.
+/// If the image is denoised, techniques that merge must be better by more.
 ///
 /// # Errors
 /// As [`Renderer::new`].
@@ -436,8 +437,9 @@ pub fn choose(
     renderer: &Renderer,
     open: FreeParameters,
     end: End,
+    denoises: bool,
 ) -> Result<(Selection, Revision)> {
-    let pilot = |budget| pilot::run(renderer, open, end, budget);
+    let pilot = |budget| pilot::run(renderer, open, end, budget, denoises);
     let part = if open.any() { 1.0 } else { COUNTS_ONLY };
     let is_large = !CellGrid::of(renderer.settings().resolution()).is_single_pixels();
     let pilot_share = if is_large { LARGE_PILOT_SHARE } else { PILOT_SHARE };

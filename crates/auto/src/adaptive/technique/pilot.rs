@@ -12,7 +12,7 @@ use bdpm_core::film::radiance::luminance_weights;
 use bdpm_core::render::NestedPart;
 use bdpm_core::render::Renderer;
 use bdpm_core::scene::{Emitter, Material, Media};
-use bdpm_core::settings::{Bias, Direct, Settings, Strategy};
+use bdpm_core::settings::{Bias, Direct, Settings};
 use bdpm_core::transport::kernel::ByClass;
 use bdpm_core::transport::photon::PhotonClass;
 use std::array::from_fn;
@@ -38,18 +38,6 @@ const PROMISING: f64 = 1.25;
 
 /// Techniques that are tried at large radii, even if the time is over.
 const MIN_AT_LARGE_RADII: u32 = 2;
-
-/// Penalty on the squared error of techniques that find lamps in rough surfaces only by random
-/// sampling, because short trials miss most of that light. In the scene `veach-mis`
-/// (docs/measurements/mitsuba-equal-time.md) one of them was predicted 11 % relative error and had
-/// 77 %.
-const RARE_LIGHT_PENALTY: f64 = 4.0;
-
-/// Penalty on the squared error of techniques that merge: near ties go to path tracing, which has
-/// no bias and no photons that a whole image shares. In three interiors where predictions are near
-/// ties, the squared error of `mis` was 2.7, 3.1 and 0.73 times that of `path`
-/// (docs/measurements/interiors.md).
-const MERGING_PENALTY: f64 = 1.4;
 
 /// Optical thickness of a scene full of its densest medium from which on merging around points is
 /// tried, too. In thin media, segments have far less noise for the same time: 50 times less
@@ -79,6 +67,7 @@ pub fn run(
     open: FreeParameters,
     end: End,
     budget: f64,
+    denoises: bool,
 ) -> Result<(Selection, Revision)> {
     let start = Instant::now();
     let own = renderer.settings();
@@ -109,6 +98,7 @@ pub fn run(
         radii,
         start,
         budget,
+        denoises,
         tried,
         least_luminance,
         refuted: Vec::new(),
@@ -134,6 +124,8 @@ pub(super) struct Pilot<'a> {
     start: Instant,
     /// Seconds.
     budget: f64,
+    /// The image is denoised.
+    denoises: bool,
     tried: Vec<Tried>,
     /// Mean luminance that the image has at least, by all trials so far, W/(m^2 sr).
     least_luminance: f64,
@@ -177,7 +169,8 @@ impl Pilot<'_> {
         self.refute(&weights);
         let rank = |tried: &Tried| {
             let best = self.model(tried, &weights).best(&self.demand);
-            best.rank(&self.demand) * self.penalties(tried.technique).total()
+            // What a denoiser leaves is no reason to drop a technique before its large radii.
+            best.rank(&self.demand) * self.penalties(tried.technique, false).total()
         };
         let ranks: Vec<f64> = self.tried.iter().map(rank).collect();
         let mut ranked: Vec<_> = ranks.into_iter().zip(self.tried.drain(..)).collect();
@@ -231,14 +224,8 @@ impl Pilot<'_> {
         Ok(trial)
     }
 
-    /// Factors on the squared error of a technique.
-    fn penalties(&self, technique: Technique) -> Penalties {
-        let is_rare = technique.strategy == Strategy::Single && self.runner.mirrors_lamps_roughly();
-        Penalties {
-            merging: if technique.merges() { MERGING_PENALTY } else { 1.0 },
-            rare_light: if is_rare { RARE_LIGHT_PENALTY } else { 1.0 },
-            untried: 1.0,
-        }
+    fn penalties(&self, technique: Technique, denoises: bool) -> Penalties {
+        Penalties::of(technique, self.runner.mirrors_lamps_roughly(), denoises)
     }
 
     /// Fits the trials of a technique so far. A bias that none of them measured is that of the
@@ -291,7 +278,8 @@ impl Pilot<'_> {
             // Where no radius is open, or none matters, all trials were at the best radii.
             best.tried = !self.demand.open.any_radius() || !tried.technique.merges();
             let luminance = tried.trials.iter().map(Trial::luminance).fold(0.0, f64::max);
-            let (penalties, is_reserve) = (self.penalties(tried.technique), tried.is_reserve);
+            let penalties = self.penalties(tried.technique, self.denoises);
+            let is_reserve = tried.is_reserve;
             Finalist { model, best, penalties, luminance, is_reserve }
         };
         let mut finalists: Vec<Finalist> = self.tried.iter().map(finalist).collect();
@@ -449,6 +437,7 @@ mod tests {
     use super::*;
     use bdpm_core::scene::backend::{Backend, build};
     use bdpm_core::settings::MediumQuery;
+    use bdpm_core::settings::Strategy;
     use bdpm_load::load;
 
     fn settings() -> Settings {

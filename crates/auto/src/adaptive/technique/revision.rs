@@ -275,7 +275,8 @@ mod tests {
             bias: true,
             ..FreeParameters::NONE
         };
-        let (selection, mut revision) = pilot::run(&renderer, open, End::Time(100.0), 0.5).unwrap();
+        let (selection, mut revision) =
+            pilot::run(&renderer, open, End::Time(100.0), 0.5, false).unwrap();
         // As if the pilot had chosen it: a revision keeps the scale with which the image was
         // measured.
         revision.finalists[0].best.medium_scale = 3.0;
