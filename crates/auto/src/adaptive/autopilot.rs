@@ -1,6 +1,7 @@
 //! Automatic path counts: first those of the settings, from the choice of technique, then the
 //! optimum. It is chosen again a few times from all measurements so far.
 
+use super::denoised_noise::left_by_denoiser;
 use super::error_interval::ErrorInterval;
 use super::stopping::{Convergence, Stop, importance, luminances};
 use crate::adaptive::optimize::{CountLimits, MAX_CAMERA_PATHS, NEAR_OPTIMUM, Objective, Problem};
@@ -15,6 +16,7 @@ use bdpm_core::render::Renderer;
 use bdpm_core::render::block;
 use bdpm_core::render::block::{Block, CombinedImage};
 use bdpm_core::render::max_blocks;
+use bdpm_core::settings::Settings;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -76,6 +78,8 @@ const PRIOR_FREEDOM: f64 = 200.0;
 pub struct Autopilot {
     /// True if camera paths may differ between pixels.
     per_pixel: bool,
+    /// The image is denoised: what counts is the noise that is left.
+    denoises: bool,
     /// Known times, which replace the measured ones.
     times: Option<TimeModel>,
     /// Rendering time before this run.
@@ -193,19 +197,27 @@ impl Autopilot {
     /// Resumes from `state`.
     pub fn resume(state: AutopilotState) -> Self {
         let earlier = state.elapsed;
-        Self { per_pixel: true, times: None, earlier, state, failure: None }
+        let denoises = false;
+        Self { per_pixel: true, denoises, times: None, earlier, state, failure: None }
     }
 
     /// Starts again with the counts of other settings.
     #[must_use]
     pub fn restarted(&self, pilot_times: TimeModel, bias2: f64) -> Self {
-        Self { per_pixel: self.per_pixel, times: self.times, ..Self::new(pilot_times, bias2) }
+        let Self { per_pixel, denoises, times, .. } = *self;
+        Self { per_pixel, denoises, times, ..Self::new(pilot_times, bias2) }
     }
 
     /// Chooses equal counts for every pixel.
     #[must_use]
     pub fn uniform(self) -> Self {
         Self { per_pixel: false, ..self }
+    }
+
+    /// Chooses counts for an image that is denoised, if `denoises`.
+    #[must_use]
+    pub fn denoised(self, denoises: bool) -> Self {
+        Self { denoises, ..self }
     }
 
     /// Chooses by known times instead of measured ones.
@@ -246,6 +258,30 @@ impl Autopilot {
         })
     }
 
+    /// Coefficients of the noise that counts, from those of the image, and its share of the pooled
+    /// variance at the present counts.
+    fn noise_that_counts(
+        &self,
+        renderer: &Renderer,
+        noise: Vec<Coefficients>,
+        weights: &[f64],
+    ) -> (Vec<Coefficients>, f64) {
+        if !self.denoises {
+            return (noise, 1.0);
+        }
+        let Settings { strategy, merge_vertex, .. } = *renderer.settings();
+        let left: Vec<_> =
+            noise.iter().map(|own| left_by_denoiser(strategy, merge_vertex, *own)).collect();
+        let Counts { light_paths, camera_paths } = &renderer.block().counts;
+        let variance = |cells: &[Coefficients]| {
+            let weighted = cells.iter().zip(weights).map(|(own, weight)| *own * *weight);
+            let sum: Coefficients = weighted.sum();
+            sum.variance(f64::from(*light_paths), camera_paths.mean())
+        };
+        let share = variance(&left) / variance(&noise);
+        (left, if share > 0.0 { share } else { 1.0 })
+    }
+
     /// The best counts from all measurements so far.
     fn choose(&self, renderer: &Renderer, stop: &Stop, elapsed: f64) -> CountChoice {
         let convergence = convergence(renderer, stop);
@@ -258,7 +294,10 @@ impl Autopilot {
         let grid = CellGrid::of(settings.resolution());
         let smoothed = smoothed(blocks, &measured, grid);
         let (luminance, scale) = luminance(stop.objective, blocks, grid);
-        let scale = scale * pooled_share(stop.objective, &smoothed, &renderer.block().counts, grid);
+        let weights = stop.objective.weights(&luminance);
+        let (smoothed, left) = self.noise_that_counts(renderer, smoothed, &weights);
+        let scale =
+            scale / left * pooled_share(stop.objective, &smoothed, &renderer.block().counts, grid);
         let allowed = renderer.allowed_light_paths();
         let problem = |iteration_time| {
             let bounds = CountLimits {

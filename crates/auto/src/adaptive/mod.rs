@@ -2,6 +2,7 @@
 
 pub mod autopilot;
 pub mod count_policy;
+pub mod denoised_noise;
 pub mod error_interval;
 pub mod optimize;
 pub mod plan;

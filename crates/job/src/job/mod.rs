@@ -405,6 +405,7 @@ impl RenderJob {
             (None, None, Some(state)) => Autopilot::resume(state),
             (None, None, None) => return Ok(CountPolicy::Fixed(self.schedule)),
         };
+        let autopilot = autopilot.denoised(self.denoise);
         // Coefficients of single pixels belong to one pair of path counts.
         let autopilot = if self.pixel_noise { autopilot.uniform() } else { autopilot };
         let autopilot = match times {

@@ -21,7 +21,7 @@ pub enum Objective {
 
 impl Objective {
     /// Weights of the variances of pixels of these luminances, W/(m^2 sr); their mean is 1.
-    pub(super) fn weights(self, luminance: &[f64]) -> Vec<f64> {
+    pub(crate) fn weights(self, luminance: &[f64]) -> Vec<f64> {
         match self {
             Self::Relative => relative_weights(luminance),
             _ => vec![1.0; luminance.len()],

@@ -3,6 +3,7 @@
 
 use super::{Candidate, End, FreeParameters, Penalties, Technique};
 use crate::adaptive::autopilot::min_iterations_after_choice;
+use crate::adaptive::denoised_noise::left_by_denoiser;
 use crate::adaptive::stopping::{MIN_ITERATIONS_TO_TARGET, MIN_NOISE_SHARE};
 use crate::timing::TimeModel;
 use bdpm_core::noise::Coefficients;
@@ -41,6 +42,8 @@ pub struct CandidateCost {
     pub requested: ByClass<f32>,
     /// Merge radii in media over those at surfaces, of the settings.
     pub medium_scale: f64,
+    /// The image is denoised: what counts is the noise that is left.
+    pub denoises: bool,
 }
 
 /// Merge bias of a class of photons at one radius, and the noise that correcting it would add.
@@ -148,6 +151,14 @@ impl CandidateCost {
             }
         }
         best.expect("there is a step")
+    }
+
+    /// Coefficients of the noise that counts, from those of the image.
+    pub fn noise_that_counts(&self, technique: Technique, noise: Coefficients) -> Coefficients {
+        match self.denoises {
+            true => left_by_denoiser(technique.strategy, technique.merge_vertex, noise),
+            false => noise,
+        }
     }
 
     /// Noise that the correction adds, and bias that it leaves, for a class of photons. `variance`
@@ -270,6 +281,7 @@ pub mod tests {
             corrects_bias: false,
             requested: [1.0; 2],
             medium_scale: 2.0,
+            denoises: false,
         }
     }
 

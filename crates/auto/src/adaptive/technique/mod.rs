@@ -9,6 +9,7 @@
 
 mod bias;
 mod candidate_cost;
+mod candidates;
 mod compared_trials;
 mod medium_scale;
 mod model;
@@ -175,7 +176,7 @@ pub struct Candidate {
     pub camera_paths: u32,
     /// Rendering time until the end, seconds.
     pub seconds: f64,
-    /// Predicted relative RMS error of the image at the end.
+    /// Predicted relative RMS error of the image at the end; if it is denoised, of what is left.
     pub error: f64,
     /// Noise part of `error`.
     pub noise: f64,
@@ -280,57 +281,6 @@ impl Technique {
         }
     }
 
-    /// All techniques that may be chosen instead of that of `settings`, for an image that needs
-    /// only `traits`.
-    fn candidates(settings: &Settings, open: FreeParameters, traits: SceneTraits) -> Vec<Self> {
-        let own = Self::of(settings);
-        let strategies = if open.strategy {
-            let mut all = vec![(Strategy::Single, 1)];
-            if traits.may_weight {
-                all.extend([(Strategy::Mis, 2), (Strategy::CutMis, 2)]);
-            } else {
-                all.push((Strategy::Single, 2));
-            }
-            all.extend((!traits.needs_photons).then_some((Strategy::Path, 2)));
-            all
-        } else {
-            vec![(own.strategy, own.merge_vertex)]
-        };
-        let directs = match open.direct {
-            true => vec![Direct::Connect, Direct::PhotonMap],
-            false => vec![own.direct],
-        };
-        let mut all = Vec::new();
-        for &direct in &directs {
-            for &(strategy, merge_vertex) in &strategies {
-                let splitting = if open.splitting { 1 } else { own.splitting };
-                let plain = Self { strategy, merge_vertex, direct, splitting, ..own };
-                let of = |query| Self { medium_query: Some(query), ..plain };
-                match traits.media_scatter && strategy.has_photons() {
-                    false => all.push(plain),
-                    true if !open.medium_query => all.push(of(settings.medium_query)),
-                    true if traits.media_are_dense => {
-                        all.extend([MediumQuery::Points, MediumQuery::Beams].map(of));
-                    }
-                    true => all.push(of(MediumQuery::Beams)),
-                }
-            }
-        }
-        let is_sensible = |it: &Self| {
-            // Direct light from the photon map pays only where all light is merged at the first
-            // vertex.
-            let direct = it.direct == own.direct && !open.direct
-                || it.direct == Direct::Connect
-                || (it.strategy, it.merge_vertex) == (Strategy::Single, 1);
-            // Weights do not know splitting.
-            let splitting = it.splitting == 1 || !it.strategy.weighs_merges();
-            direct && splitting
-        };
-        all.retain(is_sensible);
-        all.dedup();
-        all
-    }
-
     /// The technique with light paths that split, if that may pay: where their first hits, which
     /// are only stored for direct light and caustics, leave little light.
     fn split(self) -> Option<Self> {
@@ -342,20 +292,11 @@ impl Technique {
     fn merges(self) -> bool {
         self.strategy.has_photons()
     }
-}
 
-/// Properties of a scene that decide about candidates.
-#[derive(Clone, Copy, Debug)]
-struct SceneTraits {
-    /// Camera paths cannot find all light: light sources that no ray can hit may show in mirrors or
-    /// through glass.
-    needs_photons: bool,
-    /// Weights of several techniques with photons hold in the media of the scene.
-    may_weight: bool,
-    /// Media scatter light.
-    media_scatter: bool,
-    /// They may scatter it several times.
-    media_are_dense: bool,
+    /// Tests whether photons are merged where they are seen, so that neighboring pixels share them.
+    pub fn merges_at_first(self) -> bool {
+        self.strategy.weighs_merges() || self.merge_vertex == 1
+    }
 }
 
 /// Factor on the continuations of light paths whose first hits are not merged. In
@@ -429,7 +370,7 @@ pub enum End {
 /// Where no time is given, a short pilot predicts it, and a longer pilot follows if the time is
 /// long enough. The pilot runs in this process alone, whatever the number of `RenderConfig::ranks`.
 /// Returns the choice, and what may revise it once the image has rendered its first iterations.
-/// If the image is denoised, techniques that merge must be better by more.
+/// If the image is denoised, what counts is the noise that is left.
 ///
 /// # Errors
 /// As [`Renderer::new`].

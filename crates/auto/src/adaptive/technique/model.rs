@@ -208,7 +208,7 @@ impl Model {
                 let mut radii = [last; 2];
                 radii[EVERY] = every;
                 let own = demand.evaluate(
-                    &self.coefficients(radii),
+                    &demand.noise_that_counts(self.technique, self.coefficients(radii)),
                     &self.times(radii),
                     &self.merged(radii),
                     radii,
@@ -272,6 +272,7 @@ impl Model {
         } else {
             own
         };
+        let coefficients = demand.noise_that_counts(self.technique, coefficients);
         let mut best = demand.evaluate(&coefficients, &trial.times, &self.merged(radii), radii);
         best.tried = true;
         best

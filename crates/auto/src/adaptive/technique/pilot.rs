@@ -2,16 +2,16 @@
 //! large radii, and the best at their best radii.
 
 use super::candidate_cost::{Best, CandidateCost};
+use super::candidates::SceneTraits;
 use super::compared_trials::disagrees;
 use super::model::{ENOUGH_FOUND, ImageScale, LARGEST_SCALE, Model};
 use super::revision::Revision;
 use super::trial::{Trial, TrialRunner};
-use super::{End, FreeParameters, Penalties, SceneTraits, Selection, Technique};
+use super::{End, FreeParameters, Penalties, Selection, Technique};
 use bdpm_core::base::error::Result;
 use bdpm_core::film::radiance::luminance_weights;
 use bdpm_core::render::NestedPart;
 use bdpm_core::render::Renderer;
-use bdpm_core::scene::{Emitter, Material, Media};
 use bdpm_core::settings::{Bias, Direct, Settings};
 use bdpm_core::transport::kernel::ByClass;
 use bdpm_core::transport::photon::PhotonClass;
@@ -38,11 +38,6 @@ const PROMISING: f64 = 1.25;
 
 /// Techniques that are tried at large radii, even if the time is over.
 const MIN_AT_LARGE_RADII: u32 = 2;
-
-/// Optical thickness of a scene full of its densest medium from which on merging around points is
-/// tried, too. In thin media, segments have far less noise for the same time: 50 times less
-/// variance in scenes/smoke (docs/how-to/media.md).
-const DENSE: f32 = 4.0;
 
 /// Typical number of techniques that the last round tries.
 const FINALISTS: f64 = 2.0;
@@ -72,7 +67,7 @@ pub fn run(
     let start = Instant::now();
     let own = renderer.settings();
     let settings = &Settings { bias: open.bias(own), ..own.clone() };
-    let candidates = Technique::candidates(settings, open, SceneTraits::new(renderer));
+    let candidates = Technique::candidates(settings, open, SceneTraits::new(renderer, denoises));
     let [screening, large, last] = ROUNDS.map(|share| share * budget);
     let each = screening / candidates.len() as f64;
     let demand = CandidateCost {
@@ -86,6 +81,7 @@ pub fn run(
         corrects_bias: settings.bias == Bias::Reduce,
         requested: [settings.caustic_radius, settings.radius],
         medium_scale: settings.medium_scale,
+        denoises,
     };
     let mut runner = TrialRunner::new(renderer, each)?;
     let guide = if open.guide { runner.learn_guide(LEARNING_SHARE * budget)? } else { None };
@@ -98,7 +94,6 @@ pub fn run(
         radii,
         start,
         budget,
-        denoises,
         tried,
         least_luminance,
         refuted: Vec::new(),
@@ -124,8 +119,6 @@ pub(super) struct Pilot<'a> {
     start: Instant,
     /// Seconds.
     budget: f64,
-    /// The image is denoised.
-    denoises: bool,
     tried: Vec<Tried>,
     /// Mean luminance that the image has at least, by all trials so far, W/(m^2 sr).
     least_luminance: f64,
@@ -169,8 +162,7 @@ impl Pilot<'_> {
         self.refute(&weights);
         let rank = |tried: &Tried| {
             let best = self.model(tried, &weights).best(&self.demand);
-            // What a denoiser leaves is no reason to drop a technique before its large radii.
-            best.rank(&self.demand) * self.penalties(tried.technique, false).total()
+            best.rank(&self.demand) * self.penalties(tried.technique).total()
         };
         let ranks: Vec<f64> = self.tried.iter().map(rank).collect();
         let mut ranked: Vec<_> = ranks.into_iter().zip(self.tried.drain(..)).collect();
@@ -224,7 +216,8 @@ impl Pilot<'_> {
         Ok(trial)
     }
 
-    fn penalties(&self, technique: Technique, denoises: bool) -> Penalties {
+    fn penalties(&self, technique: Technique) -> Penalties {
+        let denoises = self.demand.denoises;
         Penalties::of(technique, self.runner.mirrors_lamps_roughly(), denoises)
     }
 
@@ -278,7 +271,7 @@ impl Pilot<'_> {
             // Where no radius is open, or none matters, all trials were at the best radii.
             best.tried = !self.demand.open.any_radius() || !tried.technique.merges();
             let luminance = tried.trials.iter().map(Trial::luminance).fold(0.0, f64::max);
-            let penalties = self.penalties(tried.technique, self.denoises);
+            let penalties = self.penalties(tried.technique);
             let is_reserve = tried.is_reserve;
             Finalist { model, best, penalties, luminance, is_reserve }
         };
@@ -356,26 +349,6 @@ fn is_promising(finalists: &[Finalist], demand: &CandidateCost) -> bool {
     PROMISING * least(false) < least(true)
 }
 
-impl SceneTraits {
-    /// Traits of the scene of a renderer.
-    fn new(renderer: &Renderer) -> Self {
-        let (scene, _) = renderer.scene_and_accel();
-        let has_delta_lights = scene.lights().emitters().iter().any(Emitter::is_delta);
-        let is_smooth = |own: &Material| {
-            let passes = own.bsdf.passes_through() && !own.bsdf.has_rough();
-            // Connections pass boundaries of media.
-            passes && !own.is_index_matched_boundary()
-        };
-        let mut materials = scene.materials().iter();
-        let needs_photons = has_delta_lights && materials.any(is_smooth);
-        let may_weight = scene.media().is_none_or(Media::allows_weighted_merges);
-        let media_scatter = scene.media().is_some_and(Media::any_scatters);
-        let is_dense = |media: &Media| media.largest_extinction() * scene.size() > DENSE;
-        let media_are_dense = scene.media().is_some_and(is_dense);
-        Self { needs_photons, may_weight, media_scatter, media_are_dense }
-    }
-}
-
 impl Tried {
     /// Whether direct light comes from a photon map that few pixels see.
     fn is_thin(&self, weights: &[f64]) -> bool {
@@ -430,65 +403,4 @@ fn common_weights(tried: &[Tried]) -> Vec<f64> {
     }
     luminance.iter_mut().for_each(|sum| *sum /= count);
     luminance_weights(&luminance)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use bdpm_core::scene::backend::{Backend, build};
-    use bdpm_core::settings::MediumQuery;
-    use bdpm_core::settings::Strategy;
-    use bdpm_load::load;
-
-    fn settings() -> Settings {
-        Settings::resolve(&Default::default(), &Default::default(), 1.0).unwrap()
-    }
-
-    #[test]
-    fn path_tracing_is_no_candidate_where_it_would_miss_light() {
-        // The first lacks glass and mirrors, the second lights that no ray can hit.
-        let scenes = [
-            ("cornell-box", true),
-            ("caustic-sphere", true),
-            ("materials", false),
-            ("hall", false),
-        ];
-        for (name, is_candidate) in scenes {
-            let loaded =
-                load(format!("{}/../../scenes/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
-            let settings =
-                Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
-            let settings = Settings { width: 16, height: 16, ..settings.unwrap() };
-            let accel = build(Backend::Bvh, &loaded.scene).unwrap();
-            let renderer = Renderer::new(&loaded.scene, &accel, settings.clone()).unwrap();
-            let traits = SceneTraits::new(&renderer);
-            let all = Technique::candidates(&settings, FreeParameters::ALL, traits);
-            let found = all.iter().any(|technique| technique.strategy == Strategy::Path);
-            assert_eq!(found, is_candidate, "{name}");
-        }
-    }
-
-    /// Where photons in media are merged is a choice in dense media only. Path tracing merges none.
-    #[test]
-    fn dense_media_are_merged_around_points_as_well() {
-        let all = |medium_query, media_scatter: bool, media_are_dense| {
-            let open = FreeParameters { medium_query, ..FreeParameters::ALL };
-            let (needs_photons, may_weight) = (false, !media_scatter);
-            let traits = SceneTraits { needs_photons, may_weight, media_scatter, media_are_dense };
-            Technique::candidates(&settings(), open, traits)
-        };
-        let count =
-            |all: &[Technique], query| all.iter().filter(|own| own.medium_query == query).count();
-        let [points, beams] = [MediumQuery::Points, MediumQuery::Beams].map(Some);
-        let dense = all(true, true, true);
-        assert!(count(&dense, points) >= 2 && count(&dense, points) == count(&dense, beams));
-        for some in [&dense, &all(true, true, false)] {
-            let without: Vec<_> = some.iter().filter(|own| own.medium_query.is_none()).collect();
-            assert!(without.len() == 1 && without[0].strategy == Strategy::Path);
-        }
-        assert_eq!(count(&all(true, true, false), points), 0);
-        assert_eq!(count(&all(false, true, true), points), 0, "beams are the default");
-        let clear = all(true, false, false);
-        assert_eq!(count(&clear, None), clear.len());
-    }
 }

@@ -1,0 +1,191 @@
+//! The techniques that the pilot tries, by what is open and by the scene.
+
+use super::{FreeParameters, Technique};
+use bdpm_core::render::Renderer;
+use bdpm_core::scene::{Emitter, Material, Media};
+use bdpm_core::settings::{Direct, MediumQuery, Settings, Strategy};
+
+/// Optical thickness of a scene full of its densest medium from which on merging around points is
+/// tried, too. In thin media, segments have far less noise for the same time: 50 times less
+/// variance in scenes/smoke (docs/how-to/media.md).
+const DENSE: f32 = 4.0;
+
+/// Properties of a scene that decide about candidates.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneTraits {
+    /// Camera paths cannot find all light: light sources that no ray can hit may show in mirrors or
+    /// through glass.
+    pub needs_photons: bool,
+    /// Weights of several techniques with photons hold in the media of the scene.
+    pub may_weight: bool,
+    /// Media scatter light.
+    pub media_scatter: bool,
+    /// They may scatter it several times.
+    pub media_are_dense: bool,
+    /// The image is denoised.
+    pub is_denoised: bool,
+}
+
+impl SceneTraits {
+    /// Traits of the scene of a renderer.
+    pub fn new(renderer: &Renderer, is_denoised: bool) -> Self {
+        let (scene, _) = renderer.scene_and_accel();
+        let has_delta_lights = scene.lights().emitters().iter().any(Emitter::is_delta);
+        let is_smooth = |own: &Material| {
+            let passes = own.bsdf.passes_through() && !own.bsdf.has_rough();
+            // Connections pass boundaries of media.
+            passes && !own.is_index_matched_boundary()
+        };
+        let mut materials = scene.materials().iter();
+        let needs_photons = has_delta_lights && materials.any(is_smooth);
+        let may_weight = scene.media().is_none_or(Media::allows_weighted_merges);
+        let media_scatter = scene.media().is_some_and(Media::any_scatters);
+        let is_dense = |media: &Media| media.largest_extinction() * scene.size() > DENSE;
+        let media_are_dense = scene.media().is_some_and(is_dense);
+        Self { needs_photons, may_weight, media_scatter, media_are_dense, is_denoised }
+    }
+}
+
+impl Technique {
+    /// All techniques that may be chosen instead of that of `settings`, for an image that needs
+    /// only `traits`.
+    pub(super) fn candidates(
+        settings: &Settings,
+        open: FreeParameters,
+        traits: SceneTraits,
+    ) -> Vec<Self> {
+        let own = Self::of(settings);
+        let strategies = if open.strategy {
+            let mut all = vec![(Strategy::Single, 1)];
+            if traits.may_weight {
+                all.extend([(Strategy::Mis, 2), (Strategy::CutMis, 2)]);
+            }
+            // Where several techniques are weighted, they have less noise; but a denoiser removes
+            // more of what is gathered by paths of single pixels.
+            if traits.is_denoised || !traits.may_weight {
+                all.push((Strategy::Single, 2));
+            }
+            all.extend((!traits.needs_photons).then_some((Strategy::Path, 2)));
+            all
+        } else {
+            vec![(own.strategy, own.merge_vertex)]
+        };
+        let directs = match open.direct {
+            true => vec![Direct::Connect, Direct::PhotonMap],
+            false => vec![own.direct],
+        };
+        let mut all = Vec::new();
+        for &direct in &directs {
+            for &(strategy, merge_vertex) in &strategies {
+                let splitting = if open.splitting { 1 } else { own.splitting };
+                let plain = Self { strategy, merge_vertex, direct, splitting, ..own };
+                let of = |query| Self { medium_query: Some(query), ..plain };
+                match traits.media_scatter && strategy.has_photons() {
+                    false => all.push(plain),
+                    true if !open.medium_query => all.push(of(settings.medium_query)),
+                    true if traits.media_are_dense => {
+                        all.extend([MediumQuery::Points, MediumQuery::Beams].map(of));
+                    }
+                    true => all.push(of(MediumQuery::Beams)),
+                }
+            }
+        }
+        let is_sensible = |it: &Self| {
+            // Direct light from the photon map pays only where all light is merged at the first
+            // vertex.
+            let direct = it.direct == own.direct && !open.direct
+                || it.direct == Direct::Connect
+                || (it.strategy, it.merge_vertex) == (Strategy::Single, 1);
+            // Weights do not know splitting.
+            let splitting = it.splitting == 1 || !it.strategy.weighs_merges();
+            direct && splitting
+        };
+        all.retain(is_sensible);
+        all.dedup();
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bdpm_core::scene::backend::{Backend, build};
+    use bdpm_load::load;
+
+    fn settings() -> Settings {
+        Settings::resolve(&Default::default(), &Default::default(), 1.0).unwrap()
+    }
+
+    #[test]
+    fn path_tracing_is_no_candidate_where_it_would_miss_light() {
+        // The first lacks glass and mirrors, the second lights that no ray can hit.
+        let scenes = [
+            ("cornell-box", true),
+            ("caustic-sphere", true),
+            ("materials", false),
+            ("hall", false),
+        ];
+        for (name, is_candidate) in scenes {
+            let loaded =
+                load(format!("{}/../../scenes/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+            let settings =
+                Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
+            let settings = Settings { width: 16, height: 16, ..settings.unwrap() };
+            let accel = build(Backend::Bvh, &loaded.scene).unwrap();
+            let renderer = Renderer::new(&loaded.scene, &accel, settings.clone()).unwrap();
+            let traits = SceneTraits::new(&renderer, false);
+            let all = Technique::candidates(&settings, FreeParameters::ALL, traits);
+            let found = all.iter().any(|technique| technique.strategy == Strategy::Path);
+            assert_eq!(found, is_candidate, "{name}");
+        }
+    }
+
+    #[test]
+    fn final_gathering_is_tried_where_the_image_is_denoised() {
+        let gathers = |is_denoised| {
+            let traits = SceneTraits {
+                needs_photons: false,
+                may_weight: true,
+                media_scatter: false,
+                media_are_dense: false,
+                is_denoised,
+            };
+            let all = Technique::candidates(&settings(), FreeParameters::ALL, traits);
+            all.iter()
+                .filter(|own| (own.strategy, own.merge_vertex) == (Strategy::Single, 2))
+                .count()
+        };
+        assert_eq!([false, true].map(gathers), [0, 1]);
+    }
+
+    /// Where photons in media are merged is a choice in dense media only. Path tracing merges none.
+    #[test]
+    fn dense_media_are_merged_around_points_as_well() {
+        let all = |medium_query, media_scatter: bool, media_are_dense| {
+            let open = FreeParameters { medium_query, ..FreeParameters::ALL };
+            let (needs_photons, may_weight) = (false, !media_scatter);
+            let is_denoised = false;
+            let traits = SceneTraits {
+                needs_photons,
+                may_weight,
+                media_scatter,
+                media_are_dense,
+                is_denoised,
+            };
+            Technique::candidates(&settings(), open, traits)
+        };
+        let count =
+            |all: &[Technique], query| all.iter().filter(|own| own.medium_query == query).count();
+        let [points, beams] = [MediumQuery::Points, MediumQuery::Beams].map(Some);
+        let dense = all(true, true, true);
+        assert!(count(&dense, points) >= 2 && count(&dense, points) == count(&dense, beams));
+        for some in [&dense, &all(true, true, false)] {
+            let without: Vec<_> = some.iter().filter(|own| own.medium_query.is_none()).collect();
+            assert!(without.len() == 1 && without[0].strategy == Strategy::Path);
+        }
+        assert_eq!(count(&all(true, true, false), points), 0);
+        assert_eq!(count(&all(false, true, true), points), 0, "beams are the default");
+        let clear = all(true, false, false);
+        assert_eq!(count(&clear, None), clear.len());
+    }
+}
