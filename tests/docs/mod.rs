@@ -1,10 +1,14 @@
-//! The documentation: its links, its commands, its claims, and its copy of the help texts.
+//! The documentation: its links, its commands, its claims, its numbers, and its copy of the help
+//! texts.
 
 mod claims;
 mod combinations;
 mod commands;
+mod formats;
 mod help;
 mod limits;
 mod links;
 mod markdown;
+mod pictures;
 mod sources;
+mod theory;
