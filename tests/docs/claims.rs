@@ -11,7 +11,8 @@ const HASH_LENGTH: usize = 7;
 
 /// Subcommands in the first column of the table of the command line reference.
 fn tabulated(text: &str) -> BTreeSet<String> {
-    let name = |line: &str| Some(line.strip_prefix("| [`")?.split_once("`](#bdpm-")?.0.to_owned());
+    let name =
+        |line: &str| Some(line.strip_prefix("| [`")?.split_once("`](command-line/")?.0.to_owned());
     text.lines().filter_map(name).collect()
 }
 
@@ -102,6 +103,6 @@ fn hashes_and_table_rows_are_found() {
     assert_eq!(hashes(text).collect::<Vec<_>>(), ["0f13a71", "a593ce1"]);
     let help = "  -o, --output <F>\n      Write --all [default: x]\n  --bias <B>\n      A [default: chosen]";
     assert_eq!(chosen(help), ["--bias"]);
-    let table = "| [`man`](#bdpm-man) | writes |\n| `glare` | `dgp` |\n";
+    let table = "| [`man`](command-line/man.md) | writes |\n| `glare` | `dgp` |\n";
     assert_eq!(tabulated(table), BTreeSet::from(["man".to_owned()]));
 }

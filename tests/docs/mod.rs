@@ -10,5 +10,7 @@ mod limits;
 mod links;
 mod markdown;
 mod pictures;
+mod readme;
+mod site;
 mod sources;
 mod theory;
