@@ -76,7 +76,7 @@ def write(folder: Path) -> None:
                 copy.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(linked, copy)
         # The site has no page of the contents: it is the sidebar.
-        text = re.sub(r"\[([^]]+)\]\(SUMMARY\.md\)", r"\1", text)
+        text = re.sub(r"\[([^]]+)\]\([./a-z]*SUMMARY\.md\)", r"\1", text)
         copy = folder / path
         copy.parent.mkdir(parents=True, exist_ok=True)
         copy.write_text(converted(text) + (RUST if path == Path("docs/README.md") else ""), encoding="utf-8")

@@ -40,7 +40,7 @@ fn claims(text: &str) -> Vec<Claim> {
     found
 }
 
-/// What is wrong with a claim of the README, if `page` is the text of the page that it names.
+/// Problems of a claim of the README, if `page` is the text of the page that it names.
 fn problems(claim: &Claim, page: &str) -> Vec<String> {
     let page = joined(page);
     let mut found = Vec::new();
