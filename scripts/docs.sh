@@ -40,7 +40,7 @@ install_tool mdbook-katex "$katex"
 rm -rf "$book" "$out"
 mkdir -p "$book" out
 cp scripts/docs_book.toml "$book/book.toml"
-cp scripts/docs.css "$book/docs.css"
+cp scripts/docs.css scripts/docs_pages.py "$book/"
 python3 scripts/docs_pages.py write "$book/src"
 PATH="$(realpath "$tools")/bin:$PATH" mdbook build "$book" --dest-dir "$(realpath out)/docs"
 if [ "${1:-}" != --pages ]; then

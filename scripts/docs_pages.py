@@ -2,16 +2,19 @@
 """Pages of the documentation as a source of mdBook, and a check of the finished site.
 
     docs_pages.py write FOLDER    copy all pages to FOLDER, with formulas as mdbook-katex expects them
+    docs_pages.py preprocess      be a preprocessor of mdBook after mdbook-katex: leave out the LaTeX of formulas
     docs_pages.py check FOLDER    check that all links and pictures of the site in FOLDER exist
 
 The folders are those of the repository, so that links between pages hold. scripts/docs.sh calls both.
 """
 
+import json
 import re
 import shutil
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote, urlsplit
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -82,6 +85,27 @@ def write(folder: Path) -> None:
         copy.write_text(converted(text) + (RUST if path == Path("docs/README.md") else ""), encoding="utf-8")
 
 
+# KaTeX repeats the LaTeX of a formula beside its MathML. Markdown would take underscores there for emphasis.
+ANNOTATION = re.compile(r"<annotation encoding=.application/x-tex.>.*?</annotation>", re.DOTALL)
+
+
+def without_annotations(item: Any) -> Any:
+    """A part of a book, as mdBook describes it in JSON, without annotations in its pages."""
+    if isinstance(item, list):
+        return [without_annotations(part) for part in item]
+    if isinstance(item, dict):
+        return {key: without_annotations(part) for key, part in item.items()}
+    return ANNOTATION.sub("", item) if isinstance(item, str) else item
+
+
+def preprocess() -> None:
+    """Reads a book from standard input and writes it, or answers that each output is supported."""
+    if sys.argv[2:3] == ["supports"]:
+        return
+    _, book = json.load(sys.stdin)
+    json.dump(without_annotations(book), sys.stdout)
+
+
 class Page(HTMLParser):
     """Links and anchors of a page."""
 
@@ -127,7 +151,11 @@ def check(folder: Path) -> list[str]:
 
 def main() -> None:
     """Runs a command."""
-    command, folder = sys.argv[1], Path(sys.argv[2])
+    command = sys.argv[1]
+    if command == "preprocess":
+        preprocess()
+        return
+    folder = Path(sys.argv[2])
     if command == "write":
         folder.mkdir(parents=True, exist_ok=True)
         write(folder)
