@@ -13,6 +13,7 @@ import re
 import shutil
 import sys
 from html.parser import HTMLParser
+from os.path import relpath
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
@@ -21,6 +22,9 @@ ROOT = Path(__file__).resolve().parent.parent
 PROJECT = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"] + [f"{name}/README.md" for name in ("python", "blender", "sys")]
 FENCE = re.compile(r"^( *)```")
 LINK = re.compile(r"\]\(([^)\s#]+)")
+# Code, links, and the numbers of equations outside of both.
+CITATION = re.compile(r"`[^`]*`|\[[^]]*\]\([^)]*\)|\((?P<number>\d+[a-z]?)\)")
+THEORY = re.compile(r"\]\([./a-z]*theory\.md\), \((\d+[a-z]?)\)")
 RUST = "\n## The library\n\n[Documentation of the crate `bdpm`](../rust/bdpm/index.html) and of the crates below it.\n"
 
 
@@ -34,8 +38,32 @@ def equation(formula: str) -> str:
     return f'<div class="equation" id="eq-{name}"><div>⟦{formula}⟧</div><a href="#eq-{name}">({name})</a></div>'
 
 
-def converted(text: str) -> str:
-    """A page with its blocks of formulas as HTML."""
+def chapters() -> dict[str, Path]:
+    """The chapter of the theory, from the root, that has each number of an equation."""
+    pages = sorted((ROOT / "docs/explanation/theory").glob("*.md"))
+    tags = {page.relative_to(ROOT): re.findall(r"\\tag\{(\w+)\}", page.read_text(encoding="utf-8")) for page in pages}
+    return {number: page for page, numbers in tags.items() for number in numbers}
+
+
+def with_links_to_equations(line: str, page: Path, where: dict[str, Path]) -> str:
+    """A line of text whose citations of equations are links: all in the theory, elsewhere those after its name."""
+    if line.startswith("#"):
+        return line
+
+    def link(number: str) -> str:
+        return f"{relpath(where[number], page.parent)}#eq-{number}"
+
+    def cited(citation: re.Match[str]) -> str:
+        number = citation["number"]
+        return f"[({number})]({link(number)})" if number in where else citation[0]
+
+    if "theory" in page.with_suffix("").parts:
+        return CITATION.sub(cited, line)
+    return THEORY.sub(lambda found: f"]({link(found[1])}), ({found[1]})" if found[1] in where else found[0], line)
+
+
+def converted(text: str, page: Path, where: dict[str, Path]) -> str:
+    """A page with its blocks of formulas as HTML, and links to equations."""
     lines, formula, is_code = [], None, False
     for line in text.split("\n"):
         fence = FENCE.match(line)
@@ -49,7 +77,7 @@ def converted(text: str) -> str:
             formula = []
         else:
             is_code ^= bool(fence)
-            lines.append(line)
+            lines.append(line if is_code or fence else with_links_to_equations(line, page, where))
     return "\n".join(lines)
 
 
@@ -65,6 +93,7 @@ def contents(text: str) -> str:
 
 def write(folder: Path) -> None:
     """Copies all pages, and the files that they link to."""
+    where = chapters()
     pages = [ROOT / name for name in PROJECT] + sorted((ROOT / "docs").rglob("*.md"))
     for page in pages:
         text = page.read_text(encoding="utf-8")
@@ -82,7 +111,7 @@ def write(folder: Path) -> None:
         text = re.sub(r"\[([^]]+)\]\([./a-z]*SUMMARY\.md\)", r"\1", text)
         copy = folder / path
         copy.parent.mkdir(parents=True, exist_ok=True)
-        copy.write_text(converted(text) + (RUST if path == Path("docs/README.md") else ""), encoding="utf-8")
+        copy.write_text(converted(text, path, where) + (RUST if path == Path("docs/README.md") else ""), encoding="utf-8")
 
 
 # KaTeX repeats the LaTeX of a formula beside its MathML. Markdown would take underscores there for emphasis.
