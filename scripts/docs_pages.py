@@ -19,7 +19,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 ROOT = Path(__file__).resolve().parent.parent
-PROJECT = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"] + [f"{name}/README.md" for name in ("python", "blender", "sys")]
+PROJECT = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "python/README.md", "blender/README.md", "sys/README.md"]
 FENCE = re.compile(r"^( *)```")
 LINK = re.compile(r"\]\(([^)\s#]+)")
 # Code, links, and the numbers of equations outside of both.
@@ -111,7 +111,8 @@ def write(folder: Path) -> None:
         text = re.sub(r"\[([^]]+)\]\([./a-z]*SUMMARY\.md\)", r"\1", text)
         copy = folder / path
         copy.parent.mkdir(parents=True, exist_ok=True)
-        copy.write_text(converted(text, path, where) + (RUST if path == Path("docs/README.md") else ""), encoding="utf-8")
+        text = converted(text, path, where)
+        copy.write_text(text + RUST if path == Path("docs/README.md") else text, encoding="utf-8")
 
 
 # KaTeX repeats the LaTeX of a formula beside its MathML. Markdown would take underscores there for emphasis.
@@ -133,6 +134,10 @@ def preprocess() -> None:
         return
     _, book = json.load(sys.stdin)
     json.dump(without_annotations(book), sys.stdout)
+
+
+# Addresses in the network from which a page would load something.
+LOADED = re.compile(r'(?:<script|<img|<link)[^>]+(?:src|href)="(https?://[^"]+)')
 
 
 class Page(HTMLParser):
@@ -173,7 +178,7 @@ def check(folder: Path) -> list[str]:
                 problems.append(f"{place}: there is no such file")
             elif parts.fragment and target in pages and unquote(parts.fragment) not in pages[target].anchors:
                 problems.append(f"{place}: there is no such anchor")
-        for loaded in re.findall(r'(?:<script|<img|<link)[^>]+(?:src|href)="(https?://[^"]+)', path.read_text(encoding="utf-8")):
+        for loaded in LOADED.findall(path.read_text(encoding="utf-8")):
             problems.append(f"{path.relative_to(folder.resolve())}: it loads {loaded} from the network")
     return sorted(set(problems))
 

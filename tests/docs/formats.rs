@@ -24,8 +24,8 @@ fn arms(source: &str) -> Vec<&str> {
     names.map(|name| name.trim_matches('"')).filter(|name| is_name(name)).collect()
 }
 
-/// Names in inline code of the second column of the rows that begin with one of `kinds`, or continue
-/// such a row with an empty first cell.
+/// Names in inline code of the second column of the rows that begin with one of `kinds`, or
+/// continue such a row with an empty first cell.
 fn supported<'a>(page: &'a str, kinds: &[&str]) -> Vec<&'a str> {
     let mut names = Vec::new();
     let mut is_of_kind = false;

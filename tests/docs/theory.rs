@@ -1,4 +1,5 @@
-//! The theory: numbers of equations are unique, and its index leads from each number to its chapter.
+//! The theory: numbers of equations are unique, and its index leads from each number to its
+//! chapter.
 
 use super::markdown::{Page, files};
 use std::collections::{BTreeMap, BTreeSet};
