@@ -1,6 +1,7 @@
 //! Pages of formats have what their readers read, and readers read what the pages say.
 
 use super::markdown::{Page, files, root};
+use std::collections::BTreeSet;
 use std::fs;
 
 /// The text of all files of a reader in `crates/import/src/read`.
@@ -123,10 +124,47 @@ fn lists_of_formats_have_every_extension() {
     }
 }
 
+/// Fields of the structs of a reader that stand for tables of a scene file.
+fn fields(source: &str) -> Vec<&str> {
+    let (mut names, mut is_table) = (Vec::new(), false);
+    for line in source.lines() {
+        if line.ends_with('{') && line.contains("struct ") {
+            is_table = line.contains("Table {");
+        }
+        is_table &= line != "}";
+        let name = line.trim_start().trim_start_matches("pub ").split_once(": ");
+        names.extend(name.map(|(name, _)| name).filter(|name| is_table && is_name(name)));
+    }
+    names
+}
+
+#[test]
+fn keys_of_scene_files_are_documented() {
+    let page = Page::read("docs/reference/scene-format.md");
+    let blocks = page.blocks();
+    let code = page.inline_code().into_iter().map(|(_, code)| code);
+    let code = code.chain(blocks.iter().map(|block| &block.text[..]));
+    let is_separator = |c: char| !c.is_ascii_alphanumeric() && c != '_';
+    let words: BTreeSet<&str> = code.flat_map(|code| code.split(is_separator)).collect();
+    let source = reader("toml");
+    let keys = fields(&source);
+    assert!(keys.len() > 80, "there are too few keys: {}", keys.len());
+    // `type` is a word of Rust.
+    let keys = keys.iter().map(|key| if *key == "kind" { "type" } else { *key });
+    let settings = bdpm::Settings::NAMES.iter().copied();
+    // Files have `resolution` instead, and no window of the image.
+    let settings = settings.filter(|name| !["width", "height", "crop"].contains(name));
+    let missing: Vec<&str> = keys.chain(settings).filter(|key| !words.contains(key)).collect();
+    assert!(missing.is_empty(), "docs/reference/scene-format.md: {missing:?} are missing");
+}
+
 #[test]
 fn arms_and_rows_are_found() {
     let source = "    \"plastic\" | \"null\" => a,\n    other => b,\n    \"x y\" => c,\n";
     assert_eq!(arms(source), ["plastic", "null"]);
     let page = "| BSDFs | `a`, `b` | `c` |\n| | `d` | e |\n| media | `f` | g |\n";
     assert_eq!(supported(page, &["BSDFs"]), ["a", "b", "d"]);
+    let source = "pub struct A {\n    x: u8,\n}\npub struct BTable {\n    /// Is: a.\n    pub c: f32,\n    \
+                  d: Vec<u8>,\n}\nfn f() {\n    let e: u8 = 1;\n}\n";
+    assert_eq!(fields(source), ["c", "d"]);
 }
