@@ -4,7 +4,7 @@ CARGO ?= cargo
 SCENE ?= cornell-box
 FLAGS = --locked
 
-.PHONY: setup denoiser mpi build demo test check check-long bench memcheck check-package check-python check-notebooks wheel check-report check-mitsuba check-sizes blender check-blender
+.PHONY: setup denoiser mpi build demo docs test check check-long bench memcheck check-package check-python check-notebooks wheel check-report check-mitsuba check-sizes blender check-blender
 
 setup:
 	@scripts/setup.sh
@@ -26,6 +26,11 @@ demo: build
 		render scenes/$(SCENE) --output out/$(SCENE).exr --time 20s
 	@echo "The image as radiance:  out/$(SCENE).exr"
 	@echo "The image to look at:   out/$(SCENE).png"
+
+# All pages with search and formulas, and rustdoc, as a site in out/docs. The tools are installed into
+# target/docs-tools once; after that nothing is fetched.
+docs: setup
+	CARGO=$(CARGO) scripts/docs.sh
 
 # Every family of tests has a case here. `--tests` leaves out examples and benches, which clippy compiles. The Python
 # package is checked by `make check-python`.

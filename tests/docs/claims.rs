@@ -11,7 +11,8 @@ const HASH_LENGTH: usize = 7;
 
 /// Subcommands in the first column of the table of the command line reference.
 fn tabulated(text: &str) -> BTreeSet<String> {
-    let name = |line: &str| Some(line.strip_prefix("| [`")?.split_once("`](#bdpm-")?.0.to_owned());
+    let name =
+        |line: &str| Some(line.strip_prefix("| [`")?.split_once("`](command-line/")?.0.to_owned());
     text.lines().filter_map(name).collect()
 }
 
@@ -31,8 +32,36 @@ fn keys_of_every_json_object_are_documented() {
     }
 }
 
+/// Options whose default is chosen by the pilot, as a help text says.
+fn chosen(help: &str) -> Vec<String> {
+    let (mut option, mut found) = (None, Vec::new());
+    for line in help.lines().map(str::trim_start) {
+        if let Some((_, name)) = line.split_once("--").filter(|(before, _)| before.len() <= 4) {
+            option = name.split(|c: char| !c.is_ascii_alphanumeric() && c != '-').next();
+        }
+        if line.contains("[default: chosen]") {
+            found.push(format!("--{}", option.expect("an option")));
+        }
+    }
+    found
+}
+
+/// Path counts are chosen as well: giving one of them turns all choices off.
+#[test]
+fn settings_that_the_pilot_chooses_are_documented() {
+    let page = Page::read("docs/explanation/automatic.md").text;
+    let list = page.split("**Your settings.**").nth(1).expect("a paragraph");
+    let list = list.split("\n\n").next().unwrap();
+    let chosen = chosen(&help("render"));
+    assert!(chosen.len() > 10, "there are too few chosen options: {chosen:?}");
+    for option in chosen.iter().filter(|option| !option.ends_with("-paths")) {
+        let is_listed = list.contains(&format!("`{option}`"));
+        assert!(is_listed, "docs/explanation/automatic.md: {option} is missing");
+    }
+}
+
 /// Words that look like abbreviated hashes of commits.
-fn hashes(text: &str) -> impl Iterator<Item = &str> {
+pub fn hashes(text: &str) -> impl Iterator<Item = &str> {
     text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| {
         let is_hex = word.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
         let has = |of: fn(&u8) -> bool| word.as_bytes().iter().any(of);
@@ -72,6 +101,8 @@ fn cited_commits_are_in_the_history() {
 fn hashes_and_table_rows_are_found() {
     let text = "Commits 0f13a71 and a593ce1, 2026-11-26: 1234567 pixels, faceade, x0f13a71";
     assert_eq!(hashes(text).collect::<Vec<_>>(), ["0f13a71", "a593ce1"]);
-    let table = "| [`man`](#bdpm-man) | writes |\n| `glare` | `dgp` |\n";
+    let help = "  -o, --output <F>\n      Write --all [default: x]\n  --bias <B>\n      A [default: chosen]";
+    assert_eq!(chosen(help), ["--bias"]);
+    let table = "| [`man`](command-line/man.md) | writes |\n| `glare` | `dgp` |\n";
     assert_eq!(tabulated(table), BTreeSet::from(["man".to_owned()]));
 }

@@ -1,7 +1,7 @@
 //! Sources cite pages, equations and targets that exist.
 
-use super::markdown::{Page, files, root};
-use std::collections::BTreeSet;
+use super::markdown::{files, pages, root};
+use super::theory::equations;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -42,32 +42,6 @@ fn cited_pages_exist() {
     assert!(problems.is_empty(), "there is no such page:\n{}", problems.join("\n"));
 }
 
-/// The number of the equation that a line of a code block ends with, after two spaces.
-fn equation_number(line: &str) -> Option<&str> {
-    let (equation, number) = line.strip_suffix(')')?.rsplit_once('(')?;
-    let is_number = number.starts_with(|c: char| c.is_ascii_digit())
-        && number.chars().all(|c| c.is_ascii_digit() || c.is_ascii_lowercase());
-    (is_number && equation.ends_with("  ")).then_some(number)
-}
-
-/// Numbers of all equations of the theory in their order.
-fn equation_numbers() -> Vec<String> {
-    let blocks = Page::read("docs/explanation/theory.md").blocks();
-    let lines = blocks.iter().flat_map(|block| block.text.lines());
-    lines.filter_map(equation_number).map(str::to_owned).collect()
-}
-
-#[test]
-fn equation_numbers_are_unique() {
-    let numbers = equation_numbers();
-    assert!(numbers.len() > 100, "there are too few equations: {}", numbers.len());
-    let mut seen = BTreeSet::new();
-    let repeated: Vec<_> = numbers.iter().filter(|number| !seen.insert(*number)).collect();
-    assert!(repeated.is_empty(), "several equations have the number {repeated:?}");
-    assert_eq!(equation_number("a = b(2) + c   (93h)"), Some("93h"));
-    assert_eq!(equation_number("a = f of (29)"), None);
-}
-
 /// Tests that are too long for continuous integration are in `tests/check` and run by their target.
 #[test]
 fn ignored_tests_name_the_target_that_runs_them() {
@@ -85,7 +59,7 @@ fn ignored_tests_name_the_target_that_runs_them() {
 
 #[test]
 fn cited_equations_exist() {
-    let theory: BTreeSet<String> = equation_numbers().into_iter().collect();
+    let theory = equations();
     let mut problems = Vec::new();
     for (path, text) in sources() {
         for rest in text.split("theory.md (").skip(1) {
@@ -96,4 +70,28 @@ fn cited_equations_exist() {
         }
     }
     assert!(problems.is_empty(), "there is no such equation:\n{}", problems.join("\n"));
+}
+
+/// Whether inline code is the path of a source or of a folder of sources.
+fn is_source_path(code: &str) -> bool {
+    let folders = ["crates/", "src/", "tests/", "examples/", "benches/", "scripts/", "scenes/"];
+    let is_path = |c: char| c.is_ascii_alphanumeric() || "/_.-".contains(c);
+    folders.iter().any(|folder| code.starts_with(folder)) && code.chars().all(is_path)
+}
+
+/// CONTRIBUTING has paths with the placeholder `NAME`.
+#[test]
+fn pages_name_sources_that_exist() {
+    let mut problems = Vec::new();
+    for page in pages() {
+        let code = page.inline_code();
+        for (line, path) in code.iter().filter(|(_, code)| is_source_path(code)) {
+            if !path.contains("NAME") && !root().join(path).exists() {
+                problems.push(format!("{}:{line}: {path}", page.path.display()));
+            }
+        }
+    }
+    assert!(problems.is_empty(), "there is no such source:\n{}", problems.join("\n"));
+    assert!(is_source_path("crates/core/src/lib.rs") && is_source_path("scenes/"));
+    assert!(!is_source_path("tests/docs *.rs") && !is_source_path("cornell-box"));
 }
