@@ -6,7 +6,7 @@ use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
 use bdpm_core::film::radiance::{box_filter, box_filtered, luminance, luminance_weights, total};
 use bdpm_core::film::windows::sum_of_squared_sums;
-use bdpm_core::noise::bias::UPPER_BOUND;
+use bdpm_core::noise::merge_bias::UPPER_BOUND;
 use bdpm_core::render::block::{Block, CombinedImage};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,7 @@
 pub mod accumulators;
 pub mod audit;
 mod aov_sums;
-pub mod bias;
+pub mod bias_over_noise;
 pub mod bias_correction;
 pub mod block;
 pub mod combined_image;

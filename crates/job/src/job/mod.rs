@@ -19,7 +19,7 @@ mod leader;
 mod near_layers;
 mod outline;
 mod result;
-mod revision;
+mod restart;
 mod shard;
 mod state;
 mod step;

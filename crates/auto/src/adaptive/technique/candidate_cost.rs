@@ -45,7 +45,7 @@ pub struct CandidateCost {
 
 /// Merge bias of a class of photons at one radius, and the noise that correcting it would add.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct MergeBias {
+pub struct ClassBias {
     /// Squared relative bias at the radius.
     pub square: f64,
     /// Standard error of `square`.
@@ -87,7 +87,7 @@ impl CandidateCost {
         &self,
         coefficients: &Coefficients,
         times: &TimeModel,
-        merged: &ByClass<MergeBias>,
+        merged: &ByClass<ClassBias>,
         radii: ByClass<f64>,
     ) -> Best {
         let Coefficients { a, b, f } = coefficients.clamped();
@@ -154,7 +154,7 @@ impl CandidateCost {
     /// is that of the contribution of the outer annulus: theory.md (71f).
     fn corrected(
         &self,
-        &MergeBias { square, left, .. }: &MergeBias,
+        &ClassBias { square, left, .. }: &ClassBias,
         variance: f64,
     ) -> SquaredError {
         if !self.corrects_bias {
@@ -276,7 +276,7 @@ pub mod tests {
     #[test]
     fn counts_are_the_best_of_all_steps() {
         let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
-        let mut merged = <ByClass<MergeBias>>::default();
+        let mut merged = <ByClass<ClassBias>>::default();
         merged[LAST].square = 1e-5;
         let at = |end| demand(end).evaluate(&coefficients, &times(), &merged, [1.0; 2]);
         let best = at(End::Time(100.0));

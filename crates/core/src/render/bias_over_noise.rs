@@ -6,8 +6,8 @@ use super::combined_image::CombinedImage;
 use crate::film::cells::CellGrid;
 use crate::film::radiance::box_filter;
 use crate::film::tiled_buffer::tiles_of_cells;
-use crate::noise::bias::{BIAS_CERTAINTY, Products, falls_to};
 use crate::noise::film::{BATCHES, BatchGrain};
+use crate::noise::merge_bias::{BIAS_CERTAINTY, Products, falls_to};
 use serde::Serialize;
 
 /// Minimum number of measured iterations: two in each batch.
@@ -15,7 +15,7 @@ const MIN_MEASURED: u64 = 2 * BATCHES as u64;
 
 /// Merge bias relative to the noise of an image, tile by tile.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct MergeBias {
+pub struct BiasOverNoise {
     /// Fraction of the image in tiles whose mean bias is significant and greater than the RMS noise
     /// of their pixels.
     pub share_beyond_noise: f64,
@@ -23,7 +23,7 @@ pub struct MergeBias {
     pub worst_over_noise: f64,
 }
 
-impl MergeBias {
+impl BiasOverNoise {
     /// Estimates the bias of `image`, which combines `blocks`; `None` before enough iterations are
     /// measured.
     ///
