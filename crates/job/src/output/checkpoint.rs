@@ -266,7 +266,7 @@ mod tests {
     use bdpm_core::film::statistic::{CurrentIteration, PixelStatistic, StatisticTile};
     use bdpm_core::noise::film::{BatchGrain, NoiseFilm, PixelMeasurement};
     use bdpm_core::render::RenderConfig;
-    use bdpm_core::settings::{Direct, Kernel, MediumQuery, Settings, Strategy};
+    use bdpm_core::settings::{PartialSettings, Settings};
     use glam::DVec3;
     use std::fs;
 
@@ -283,29 +283,10 @@ mod tests {
     }
 
     fn checkpoint() -> Checkpoint<'static> {
-        let settings = Settings {
-            width: 5,
-            height: 3,
-            crop: None,
-            light_paths: 100,
-            camera_paths: 2,
-            radius: 0.1,
-            caustic_radius: 0.1,
-            medium_scale: 4.0,
-            medium_query: MediumQuery::Points,
-            wavelength_width: 0.06,
-            kernel: Kernel::Area,
-            merge_vertex: 2,
-            strategy: Strategy::Single,
-            direct: Direct::Connect,
-            guide: 0,
-            sobol_set: 1,
-            splitting: 1,
-            light_visibility: 0,
-            bias: bdpm_core::settings::Bias::Keep,
-            seed: u64::MAX,
-            mis_scales: None,
-        };
+        let none = PartialSettings::default();
+        let typical = Settings::resolve(&none, &none, 1.0).unwrap();
+        let settings =
+            Settings { width: 5, height: 3, light_paths: 100, seed: u64::MAX, ..typical };
         let aovs = AovSelection { light: true, features: true, folds: true, halves: false };
         let config = RenderConfig { aovs, ..RenderConfig::default() };
         let request = config.request(&settings);
