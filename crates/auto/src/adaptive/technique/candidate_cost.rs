@@ -2,7 +2,7 @@
 //! to.
 
 use super::{Candidate, End, FreeParameters, Penalties, Technique};
-use crate::adaptive::autopilot::min_iterations_after_choice;
+use crate::adaptive::count_choice::min_iterations_after_choice;
 use crate::adaptive::stopping::{MIN_ITERATIONS_TO_TARGET, MIN_NOISE_SHARE};
 use crate::timing::TimeModel;
 use bdpm_core::noise::Coefficients;
@@ -121,16 +121,7 @@ impl CandidateCost {
                     bias: parts[0].bias + parts[1].bias,
                 }
             };
-            let (seconds, left) = match self.end {
-                End::Time(time) => (time, error_at(tau / time)),
-                End::Error(error) => {
-                    let share = share_for(error * error, &error_at);
-                    let share = share.max(MIN_NOISE_SHARE * error * error / variance);
-                    // theory.md (91)
-                    let seconds = (tau / share).max(MIN_ITERATIONS_TO_TARGET as f64 * tau);
-                    (seconds, error_at(share))
-                }
-            };
+            let (seconds, left) = self.time_and_error(tau, variance, error_at);
             let own = Best {
                 radii,
                 medium_scale: self.medium_scale,
@@ -148,6 +139,26 @@ impl CandidateCost {
             }
         }
         best.expect("there is a step")
+    }
+
+    /// Seconds to the end, and the error there, from the time of an iteration and its variance.
+    /// `error_at` is the error after that variance has fallen to a share.
+    fn time_and_error(
+        &self,
+        tau: f64,
+        variance: f64,
+        error_at: impl Fn(f64) -> SquaredError,
+    ) -> (f64, SquaredError) {
+        match self.end {
+            End::Time(time) => (time, error_at(tau / time)),
+            End::Error(error) => {
+                let share = share_for(error * error, &error_at);
+                let share = share.max(MIN_NOISE_SHARE * error * error / variance);
+                // theory.md (91)
+                let seconds = (tau / share).max(MIN_ITERATIONS_TO_TARGET as f64 * tau);
+                (seconds, error_at(share))
+            }
+        }
     }
 
     /// Noise that the correction adds, and bias that it leaves, for a class of photons. `variance`
@@ -252,7 +263,7 @@ impl Best {
 #[cfg(test)]
 pub mod tests {
     use super::*;
-    use crate::adaptive::autopilot::MIN_ITERATIONS_AFTER_CHOICE;
+    use crate::adaptive::count_choice::MIN_ITERATIONS_AFTER_CHOICE;
 
     /// Times of an iteration for the tests of this folder.
     pub fn times() -> TimeModel {
