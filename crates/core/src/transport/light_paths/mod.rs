@@ -7,8 +7,8 @@ use super::area::Areas;
 use super::mis::weights::PhotonPartials;
 use super::path_state::History;
 use super::photon::{Extent, Photon, PhotonClass};
+pub(super) use super::roulette::{MAX_SURVIVAL, survival};
 use crate::accel::Intersect;
-use crate::base::math::Rgb;
 use crate::base::pool::Pool;
 use crate::base::rng::{Stream, StreamKey};
 use crate::scene::lights::guide::Guide;
@@ -26,9 +26,6 @@ use tracer::Tracer;
 /// Light paths per batch. It is fixed, so that results do not depend on the number of threads. As
 /// many fill ray packets, and a batch of them stays in the second-level cache.
 const BATCH: u32 = 1024;
-
-/// Maximum survival probability: paths end even between perfectly white walls.
-pub(super) const MAX_SURVIVAL: f32 = 0.995;
 
 /// The photons of one iteration; buffers are reused by the next.
 #[derive(Default)]
@@ -162,6 +159,13 @@ impl LightPass<'_> {
         PrimarySamples::of_points(&set.points(first % size), rngs)
     }
 
+    /// Tests whether a path of this history ends at its next vertex unless that takes a single
+    /// direction: see [`LightPaths::unfindable_only`].
+    #[inline(always)] // part of vector loops
+    fn leaves_out(&self, history: History) -> bool {
+        self.unfindable_only & history.is_start()
+    }
+
     /// The independent sample that a light path belongs to: its set of Sobol points.
     #[inline(always)]
     fn sample_of(&self, path: u32) -> u32 {
@@ -184,13 +188,7 @@ struct Batch {
 }
 
 /// Class of the next photon of a path: theory.md, section 4.
-#[inline(always)] // part of vector loops, as the function below
+#[inline(always)] // part of vector loops
 pub(super) fn class_of(history: History) -> PhotonClass {
     if history.diffuse() == 0 { PhotonClass::Caustic } else { PhotonClass::Diffuse }
-}
-
-/// Survival probability at a vertex that multiplies the flux by `weight`: theory.md (39).
-#[inline(always)]
-pub(super) fn survival(weight: Rgb) -> f32 {
-    weight.max_element().min(MAX_SURVIVAL)
 }

@@ -16,6 +16,7 @@ use crate::transport::mis::photons::LightPartials;
 use crate::transport::path_queue::PathQueue;
 use crate::transport::path_state::{History, PathState, PathStates, other_surface};
 use crate::transport::photon::{Arrival, Extent, Photon, PhotonPacket, pack_wavelength};
+use crate::transport::roulette::{leave, survives};
 use glam::Vec3;
 use std::mem;
 use std::ops::Range;
@@ -168,23 +169,16 @@ impl Tracer {
             Passed::Boundary(ray) => return self.next.push_state(&ray, &state),
             Passed::Scattered(vertex) => vertex,
         };
-        if pass.unfindable_only && state.history.is_start() {
+        if pass.leaves_out(state.history) {
             return;
         }
-        if self.stores_direct || !state.history.is_start() {
-            let (path, class) = (pass.sample_of(state.path), class_of(state.history));
+        if self.stores(state.history) {
             // theory.md (37g)
-            let photon = Photon::new(position, path, state.weight * weight, Vec3::ZERO, class);
-            let mut photon = photon.coming_from(-direction);
-            if self.stores_wavelengths {
-                photon.from = pack_wavelength(photon.from, state.history.wavelength_index());
-            }
+            let (at, flux) = ((position, Vec3::ZERO), state.weight * weight);
+            let photon = self.photon(pass, &state, at, flux, Some(-direction));
             self.medium_photons.push(photon);
         }
-        let weight = weight * medium.scattering;
-        let survival = survival(weight);
-        if state.rng.next_1d() < survival {
-            state.weight *= weight / survival;
+        if survives(weight * medium.scattering, &mut state) {
             state.history = state.history.scattered();
             let next = medium.scatter(direction, &mut state.rng);
             self.next.push_state(&Ray::new(position, next), &state);
@@ -203,7 +197,7 @@ impl Tracer {
         let (mut stored, mut arrival, mut from) = (Mask::default(), [0; LANES], [0; LANES]);
         for lane in 0..LANES {
             let history = states.history[lane];
-            stored[lane] = at.active[lane] & (self.stores_direct | !history.is_start());
+            stored[lane] = at.active[lane] & self.stores(history);
             arrival[lane] = Arrival::new(at.normal.get(lane), class_of(history) as u32).0;
         }
         if !any(&stored) {
@@ -260,7 +254,7 @@ impl Tracer {
             let is_first = states.history[lane].diffuse() == 0;
             expected[lane] = survival(albedo) * if is_first { pass.splitting } else { 1.0 };
             goes_on[lane] = at.active[lane] & (ends[lane] < expected[lane]);
-            goes_on[lane] &= !(pass.unfindable_only & states.history[lane].is_start());
+            goes_on[lane] &= !pass.leaves_out(states.history[lane]);
             // theory.md (38)
             states.weight.set(lane, flux * (albedo / expected[lane]));
             states.history[lane] = states.history[lane].scattered();
@@ -312,21 +306,16 @@ impl Tracer {
     ) -> Option<(Ray, PathState)> {
         let lights = pass.scene.lights();
         let Surface { position, normal, wo, .. } = *surface;
-        if surface.bsdf.merges() && (self.stores_direct || !state.history.is_start()) {
+        if surface.bsdf.merges() && self.stores(state.history) {
             self.partials.store(&state);
-            let class = class_of(state.history);
             let TriangleSide { mesh, side } = surface.facet;
             let tag = pass.areas.map_or(0, |areas| areas.side_tag(mesh, side));
-            let path = pass.sample_of(state.path);
-            let photon = Photon::new(position, path, state.weight, normal, class).on_side(tag);
-            let mut photon = if self.stores_directions { photon.coming_from(wo) } else { photon };
-            if self.stores_wavelengths {
-                photon.from = pack_wavelength(photon.from, state.history.wavelength_index());
-            }
-            self.photons.push(photon);
+            let from = self.stores_directions.then_some(wo);
+            let photon = self.photon(pass, &state, (position, normal), state.weight, from);
+            self.photons.push(photon.on_side(tag));
         }
         let sample = surface.scatter_flux(&mut state.rng)?;
-        if pass.unfindable_only && state.history.is_start() && sample.lobe != Lobe::Delta {
+        if pass.leaves_out(state.history) && sample.lobe != Lobe::Delta {
             return None;
         }
         self.partials.scatter(lights, surface, origin, &state, &sample);
@@ -335,13 +324,31 @@ impl Tracer {
         } else {
             state.history.scattered()
         };
-        let survival = survival(sample.weight);
-        if state.rng.next_1d() >= survival {
-            return None;
+        leave(pass.scene, surface, &sample, state)
+    }
+
+    /// Tests whether a path leaves a photon at its next vertex where photons are merged.
+    #[inline(always)] // part of vector loops
+    fn stores(&self, history: History) -> bool {
+        self.stores_direct | !history.is_start()
+    }
+
+    /// The photon of a single path at a position and normal, which is zero in media. It keeps the
+    /// direction `from` which it comes, if there is one.
+    fn photon(
+        &self,
+        pass: &LightPass,
+        state: &PathState,
+        (position, normal): (Vec3, Vec3),
+        flux: Rgb,
+        from: Option<Vec3>,
+    ) -> Photon {
+        let (path, class) = (pass.sample_of(state.path), class_of(state.history));
+        let photon = Photon::new(position, path, flux, normal, class);
+        let mut photon = from.map_or(photon, |from| photon.coming_from(from));
+        if self.stores_wavelengths {
+            photon.from = pack_wavelength(photon.from, state.history.wavelength_index());
         }
-        // theory.md (38)
-        state.weight *= sample.weight / survival;
-        state.history = state.history.leaving(pass.scene, surface, sample.wi);
-        Some((Ray::new(surface.start(sample.wi), sample.wi), state))
+        photon
     }
 }
