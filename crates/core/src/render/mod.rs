@@ -1,6 +1,7 @@
 //! Rendering a scene, iteration after iteration.
 
 pub mod accumulators;
+pub mod annulus_moments;
 pub mod audit;
 mod aov_sums;
 pub mod bias_over_noise;

@@ -16,7 +16,7 @@ use crate::adaptive::stopping::importance;
 use crate::timing::TimeModel;
 use bdpm_core::noise::Coefficients;
 use bdpm_core::render::Renderer;
-use bdpm_core::render::bias_correction::annulus_bias2;
+use bdpm_core::render::annulus_moments::annulus_bias2;
 use bdpm_core::render::block;
 use bdpm_core::render::block::{Block, CombinedImage};
 use bdpm_core::settings::Settings;
