@@ -18,50 +18,31 @@ import subprocess
 import tempfile
 import time
 
-import mitsuba
-
-mitsuba.set_variant("llvm_ad_rgb")
-
-import drjit  # noqa: E402
-import numpy as np  # noqa: E402
-import OpenEXR  # noqa: E402
+import mitsuba_paths
+import numpy as np
+import OpenEXR
 
 PARTS = 8
-# Samples of one call: Mitsuba holds them all in memory
-PASS = 1 << 21
 
 
 def luminance(image):
     return np.asarray(image, dtype=np.float64) @ np.array([0.2126, 0.7152, 0.0722])
 
 
-class PathTracer:
-    """Mitsuba's path tracer without a limit of depth, with a box filter, at a width of the image."""
+class PathTracer(mitsuba_paths.PathTracer):
+    """With images of any number of samples, and their times."""
 
     def __init__(self, path, width, threads):
-        # With one thread, reading an environment map waits forever
-        drjit.set_thread_count(2)
-        mitsuba.file_resolver().prepend(str(path.parent))
-        self.scene = mitsuba.load_file(str(path))
-        film = mitsuba.traverse(self.scene.sensors()[0])
-        w, h = film["film.size"]
-        self.size = (width, round(width * h / w))
-        film["film.size"] = list(self.size)
-        film.update()
-        drjit.set_thread_count(threads)
-        self.integrator = mitsuba.load_dict({"type": "path", "max_depth": -1, "rr_depth": 5})
-        self.most = max(1, PASS // (self.size[0] * self.size[1]))
-        # The first call compiles its kernel
-        self.render(self.most, 0)
-        self.per_second = self.most / self.render(self.most, 1)[1]
+        super().__init__(path, width, threads)
+        self.per_second = self.samples / self.render(self.samples, 1)[1]
 
     def render(self, samples, seed):
         """The luminance at about so many samples per pixel, in whole passes, and the seconds that it took."""
-        passes = max(1, round(samples / self.most))
+        passes = max(1, round(samples / self.samples))
         image, start = 0.0, time.perf_counter()
         for number in range(passes):
-            one = mitsuba.render(self.scene, integrator=self.integrator, spp=self.most, seed=(seed << 14) + number)
-            image = image + luminance(np.array(one)[..., :3]) / passes
+            one = self.render_pass((seed << 14) + number)
+            image = image + luminance(one[..., :3]) / passes
         return image, time.perf_counter() - start
 
 

@@ -16,42 +16,15 @@ import subprocess
 import tempfile
 import time
 
-import mitsuba
-
-mitsuba.set_variant("llvm_ad_rgb")
-
-import drjit  # noqa: E402
-import numpy as np  # noqa: E402
-
-# Samples of one call: Mitsuba holds them all in memory
-PASS = 1 << 21
+from mitsuba_paths import PathTracer
 
 
-class Mitsuba:
-    def __init__(self, path, width, threads):
-        drjit.set_thread_count(2)
-        mitsuba.file_resolver().prepend(str(path.parent))
-        self.scene = mitsuba.load_file(str(path))
-        film = mitsuba.traverse(self.scene.sensors()[0])
-        w, h = film["film.size"]
-        self.size = (width, round(width * h / w))
-        film["film.size"] = list(self.size)
-        film.update()
-        drjit.set_thread_count(threads)
-        self.integrator = mitsuba.load_dict({"type": "path", "max_depth": -1, "rr_depth": 5})
-        self.samples = max(1, PASS // (self.size[0] * self.size[1]))
-        for seed in range(2):
-            self.render(seed)
-
-    def render(self, seed):
-        np.array(mitsuba.render(self.scene, integrator=self.integrator, spp=self.samples, seed=seed))
-
-    def speed(self, seconds, first_seed):
-        start, passes = time.perf_counter(), 0
-        while time.perf_counter() - start < seconds:
-            self.render(first_seed + passes)
-            passes += 1
-        return passes * self.samples / (time.perf_counter() - start)
+def mitsuba_speed(tracer, seconds, first_seed):
+    start, passes = time.perf_counter(), 0
+    while time.perf_counter() - start < seconds:
+        tracer.render_pass(first_seed + passes)
+        passes += 1
+    return passes * tracer.samples / (time.perf_counter() - start)
 
 
 def bdpm_speed(options, path, size, iterations):
@@ -78,16 +51,17 @@ def main():
     options = parser.parse_args()
     print("| scene | pixels | Mitsuba | bdpm | bdpm over Mitsuba |\n|---|---|---|---|---|")
     for path in options.scenes:
-        judge = Mitsuba(path, options.width, options.threads)
-        iterations = max(8, round(bdpm_speed(options, path, judge.size, 8) * options.seconds))
-        rounds = [
-            (judge.speed(options.seconds, 100 * (1 + number)), bdpm_speed(options, path, judge.size, iterations))
-            for number in range(options.rounds)
-        ]
+        tracer = PathTracer(path, options.width, options.threads)
+        tracer.render_pass(1)
+        iterations = max(8, round(bdpm_speed(options, path, tracer.size, 8) * options.seconds))
+        rounds = []
+        for number in range(options.rounds):
+            their = mitsuba_speed(tracer, options.seconds, 100 * (1 + number))
+            rounds.append((their, bdpm_speed(options, path, tracer.size, iterations)))
         theirs, ours = (statistics.median(column) for column in zip(*rounds))
         ratio = statistics.median(own / their for their, own in rounds)
         name = path.parent.name or path.stem
-        print(f"| {name} | {judge.size[0]}x{judge.size[1]} | {theirs:.1f} | {ours:.1f} | {ratio:.2f} |", flush=True)
+        print(f"| {name} | {tracer.size[0]}x{tracer.size[1]} | {theirs:.1f} | {ours:.1f} | {ratio:.2f} |", flush=True)
 
 
 main()

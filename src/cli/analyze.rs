@@ -2,10 +2,10 @@
 
 use super::analyze_text::text;
 use super::interrupts::catch_interrupts;
-use super::json;
 use super::outputs::{self, Attempts, Output};
 use super::progress::Progress;
 use super::render_report::announce;
+use super::reported;
 use super::run_report::RunReport;
 use super::scene_input::{SceneInput, SessionArgs};
 use super::settings_args::{ESTIMATOR, word};
@@ -85,40 +85,9 @@ pub fn run(args: &Args) -> Result<String> {
     outputs::spare_inputs(&files)?;
     let region = region::find(args.region.as_deref(), &input.loaded.scene.regions)?;
 
-    let time = args.session.time;
-    let default = time.is_none().then_some(DEFAULT_ITERATIONS);
-    let iterations = args.iterations.or(default);
-    let stop = Stop { iterations, time, objective: Objective::Pooled, ..Stop::default() };
-    let mut progress = Progress::new(args.session.progress_format());
-    let job = input
-        .job(&args.session)
-        .measure_always(args.estimator)
-        .at_least(MIN_ITERATIONS)
-        .stop(stop)
-        .interrupted_by(catch_interrupts(progress.clone())?);
-    let mut result = job.run(|event| {
-        match event {
-            Event::Warning(warning) => progress.note(&format!("warning: {warning}")),
-            Event::Started(state) => {
-                announce(&progress, state, "measuring", "");
-                progress.start();
-            }
-            Event::Iterated(state) => progress.update(state),
-            Event::Choosing(..) | Event::Revised(_) | Event::Denoised(..) => {}
-        }
-        ControlFlow::Continue(())
-    })?;
-    progress.finish();
+    let mut result = measure(args, &input)?;
     let failure = result.state.failure.take();
-    let RenderResult { state, stopped_by, .. } = &result;
-    let film = state.renderer.film();
-    if film.iterations < MIN_ITERATIONS {
-        return Err(too_few(film.iterations));
-    }
-    if film.iterations < 32 && *stopped_by != StoppedBy::Iterations {
-        progress.note("note: standard errors need at least 32 iterations");
-    }
-
+    let state = &result.state;
     let file = result.noise_file(args.estimator)?;
     let pixels = region::pixels(&region, &file.noise)?;
     let start = Instant::now();
@@ -147,11 +116,44 @@ pub fn run(args: &Args) -> Result<String> {
         terms_png: name(&terms_png),
         rms_png: name(&rms_png),
     };
-    Ok(match (args.session.scene.json, args.session.quiet) {
-        (true, _) => json(&report),
-        (false, true) => String::new(),
-        (false, false) => text(&report),
-    })
+    let SessionArgs { scene, quiet, .. } = &args.session;
+    Ok(reported((scene.json, *quiet), &report, || text(&report)))
+}
+
+/// Renders the iterations, each of which is measured.
+fn measure(args: &Args, input: &SceneInput) -> Result<RenderResult> {
+    let time = args.session.time;
+    let default = time.is_none().then_some(DEFAULT_ITERATIONS);
+    let iterations = args.iterations.or(default);
+    let stop = Stop { iterations, time, objective: Objective::Pooled, ..Stop::default() };
+    let mut progress = Progress::new(args.session.progress_format());
+    let job = input
+        .job(&args.session)
+        .measure_always(args.estimator)
+        .at_least(MIN_ITERATIONS)
+        .stop(stop)
+        .interrupted_by(catch_interrupts(progress.clone())?);
+    let result = job.run(|event| {
+        match event {
+            Event::Warning(warning) => progress.note(&format!("warning: {warning}")),
+            Event::Started(state) => {
+                announce(&progress, state, "measuring", "");
+                progress.start();
+            }
+            Event::Iterated(state) => progress.update(state),
+            Event::Choosing(..) | Event::Revised(_) | Event::Denoised(..) => {}
+        }
+        ControlFlow::Continue(())
+    })?;
+    progress.finish();
+    let iterations = result.state.renderer.film().iterations;
+    if iterations < MIN_ITERATIONS {
+        return Err(too_few(iterations));
+    }
+    if iterations < 32 && result.stopped_by != StoppedBy::Iterations {
+        progress.note("note: standard errors need at least 32 iterations");
+    }
+    Ok(result)
 }
 
 fn too_few(iterations: u64) -> Error {

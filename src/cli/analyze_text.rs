@@ -65,24 +65,7 @@ pub fn text(report: &AnalyzeReport) -> String {
     row("formula / sampled", |c| c.ratio, String::new());
     row("RMS - jackknife bias", corrected, String::new());
     line("");
-    let bias = &noise.bias;
-    line(&format!("{:<22} {}", "merge bias, mean", shown(&bias.mean)));
-    line(&format!("{:<22} {}", "merge bias, RMS", shown(&bias.rms)));
-    if bias.significant {
-        line(&format!(
-            "{:<22} {:>12.4} of the RMS of one iteration, {:.3} % of the mean luminance",
-            "  which is",
-            bias.rms.value / pooled_rms.predicted.value,
-            100.0 * bias.rms.value / bias.mean_luminance
-        ));
-    } else if bias.upper_bound.is_finite() {
-        line(&format!(
-            "{:<22} hidden by the noise; at most {:.3} % of the mean luminance",
-            "",
-            100.0 * bias.upper_bound / bias.mean_luminance
-        ));
-    }
-    line(&format!("{:<22} {}", "  relative, RMS", shown(&bias.relative)));
+    bias_lines(noise).iter().for_each(|content| line(content));
     line("");
     match (noise.iterations_for.five_percent, noise.iterations_for.one_percent) {
         (Some(five), Some(one)) => line(&format!(
@@ -94,6 +77,31 @@ pub fn text(report: &AnalyzeReport) -> String {
     line("the mean of roots is biased low for few iterations; use the pooled root for comparisons");
     line(&format!("\n{}, {} and {}", report.exr, report.terms_png, report.rms_png));
     text
+}
+
+/// The merge bias and how it stands out from the noise.
+fn bias_lines(noise: &NoiseSummary) -> Vec<String> {
+    let bias = &noise.bias;
+    let mut lines = vec![
+        format!("{:<22} {}", "merge bias, mean", shown(&bias.mean)),
+        format!("{:<22} {}", "merge bias, RMS", shown(&bias.rms)),
+    ];
+    if bias.significant {
+        lines.push(format!(
+            "{:<22} {:>12.4} of the RMS of one iteration, {:.3} % of the mean luminance",
+            "  which is",
+            bias.rms.value / noise.pooled_rms.predicted.value,
+            100.0 * bias.rms.value / bias.mean_luminance
+        ));
+    } else if bias.upper_bound.is_finite() {
+        lines.push(format!(
+            "{:<22} hidden by the noise; at most {:.3} % of the mean luminance",
+            "",
+            100.0 * bias.upper_bound / bias.mean_luminance
+        ));
+    }
+    lines.push(format!("{:<22} {}", "  relative, RMS", shown(&bias.relative)));
+    lines
 }
 
 fn corrected(compared: &Compared) -> Statistic {

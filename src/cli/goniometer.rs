@@ -3,7 +3,8 @@
 use super::interrupts::catch_interrupts;
 use super::outputs::{self, Attempts, Output};
 use super::progress::{Progress, ProgressFormat};
-use super::{json, positive_time, print_notes, say};
+use super::{positive_time, print_notes, reported, say};
+use bdpm::accel::Intersect;
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::{Error, Result};
 use bdpm::base::math::luminance;
@@ -14,8 +15,8 @@ use bdpm::job;
 use bdpm::light::photometry::{LuminaireDescription, OpeningShape, write_eulumdat, write_lm63};
 use bdpm::light::polar_plot::{opening_angle, polar_plot};
 use bdpm::load::{LoadOptions, load_with};
-use bdpm::scene::IntensityDistribution;
 use bdpm::scene::backend::{self, Backend};
+use bdpm::scene::{IntensityDistribution, Scene};
 use bdpm::transport::goniometer::{Goniometer, GoniometerGrid, Measured};
 use glam::DVec3;
 use serde::Serialize;
@@ -197,13 +198,29 @@ pub fn run(args: &Args) -> Result<String> {
     outputs::spare_inputs(&files)?;
     let scene = &loaded.scene;
     let accel = threads.install(|| backend::build(args.accel.unwrap_or_default(), scene))?;
+    let measurement = threads.install(|| measure(args, scene, &*accel, grid))?;
+    let own = measurement.distribution();
+    write_files(args, &ies, &own, &scene.name)?;
+    let files = files.iter().map(|file| file.path.display().to_string()).collect();
+    let source = f64::from(luminance(scene.lights().power())) * f64::from(LUMENS_PER_WATT);
+    let report = report(&measurement, &own, source, files, args.light_paths);
+    Ok(reported((args.json, args.quiet), &report, || report.text()))
+}
+
+/// Measures until the time is over, or for the given number of iterations.
+fn measure(
+    args: &Args,
+    scene: &Scene,
+    accel: &dyn Intersect,
+    grid: GoniometerGrid,
+) -> Result<Goniometer> {
     let mut measurement = Goniometer::new(scene, grid, args.seed, args.light_paths)
         .map_err(|error| error.at(&args.scene))?;
     let interrupted = catch_interrupts(Progress::new(ProgressFormat::Nothing))?;
     let start = Instant::now();
     let time = args.time.unwrap_or(DEFAULT_TIME);
     loop {
-        threads.install(|| measurement.iterate(scene, &*accel));
+        measurement.iterate(scene, accel);
         let done = measurement.iterations();
         let is_last = match args.iterations {
             Some(iterations) => done >= iterations,
@@ -217,10 +234,13 @@ pub fn run(args: &Args) -> Result<String> {
             return Err(Error::new("interrupted: nothing was written", advice));
         }
     }
+    Ok(measurement)
+}
 
-    let own = measurement.distribution();
+/// Writes the measured distribution to all requested files.
+fn write_files(args: &Args, ies: &Path, own: &IntensityDistribution, name: &str) -> Result<()> {
     let about = LuminaireDescription {
-        name: scene.name.clone(),
+        name: name.to_owned(),
         origin: format!("bdpm {}, goniometer", env!("CARGO_PKG_VERSION")),
         opening: OpeningShape::Point,
         lamp_lumens: args.lamp_lumen,
@@ -229,22 +249,14 @@ pub fn run(args: &Args) -> Result<String> {
     let mut attempts = Attempts::default();
     let write =
         |path: &Path, text: String| write_atomically(path, |to| to.write_all(text.as_bytes()));
-    attempts.add(&ies, || write(&ies, write_lm63(&own, &about)));
+    attempts.add(ies, || write(ies, write_lm63(own, &about)));
     if let Some(path) = &args.eulumdat {
-        attempts.add(path, || write(path, write_eulumdat(&own, &about)?));
+        attempts.add(path, || write(path, write_eulumdat(own, &about)?));
     }
     if let Some(path) = &args.plot {
-        attempts.add(path, || write(path, polar_plot(&own, &scene.name)));
+        attempts.add(path, || write(path, polar_plot(own, name)));
     }
-    attempts.finish()?;
-    let files = files.iter().map(|file| file.path.display().to_string()).collect();
-    let source = f64::from(luminance(scene.lights().power())) * f64::from(LUMENS_PER_WATT);
-    let report = report(&measurement, &own, source, files, args.light_paths);
-    Ok(match (args.json, args.quiet) {
-        (true, _) => json(&report),
-        (false, true) => String::new(),
-        (false, false) => report.text(),
-    })
+    attempts.finish()
 }
 
 /// The IES file beside the scene.

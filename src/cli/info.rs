@@ -241,84 +241,91 @@ fn fixed_names(command_line: &PartialSettings) -> BTreeSet<String> {
     names
 }
 
-/// The contents of the scene, and the `fixed` settings.
-fn text(report: &InfoReport, fixed: &BTreeSet<String>) -> String {
-    let InfoReport { bounds: [min, max], accel, lights, camera, .. } = report;
-    let numbers = |values: &[f32; 3]| {
-        let [x, y, z] = values.map(|value| (f64::from(value) * 1e4).round() / 1e4);
-        format!("({x}, {y}, {z})")
-    };
-    let mut text = String::new();
-    let mut row = |name: &str, value: String| {
-        writeln!(text, "{name:<17} {value}").expect("strings take everything");
-    };
-    row("scene", format!("{} (fingerprint {})", report.scene, report.fingerprint));
-    row(
-        "geometry",
-        format!(
-            "{} in {}, {}",
-            counted(report.triangles, "triangle"),
-            counted(report.meshes, "mesh"),
-            counted(report.materials, "material")
-        ),
-    );
-    if report.stored_meshes < report.meshes {
-        let held = counted(report.stored_triangles, "triangle");
-        row("in memory", format!("{held} in {}", counted(report.stored_meshes, "mesh")));
+/// Rows of a name and a value.
+#[derive(Default)]
+struct Rows(String);
+
+impl Rows {
+    fn add(&mut self, name: &str, value: String) {
+        writeln!(self.0, "{name:<17} {value}").expect("strings take everything");
     }
-    let [read, assembly] = [report.read_seconds, report.assembly_seconds].map(short_time);
-    row("loading", format!("read in {read}, assembled in {assembly}"));
-    row("materials", names(&report.read.materials));
-    if !report.read.dispersive_materials.is_empty() {
-        row("dispersive", names(&report.read.dispersive_materials));
+
+    fn add_contents(&mut self, report: &InfoReport) {
+        self.add("scene", format!("{} (fingerprint {})", report.scene, report.fingerprint));
+        let [triangles, meshes, materials] = [
+            (report.triangles, "triangle"),
+            (report.meshes, "mesh"),
+            (report.materials, "material"),
+        ]
+        .map(|(count, noun)| counted(count, noun));
+        self.add("geometry", format!("{triangles} in {meshes}, {materials}"));
+        if report.stored_meshes < report.meshes {
+            let held = counted(report.stored_triangles, "triangle");
+            self.add("in memory", format!("{held} in {}", counted(report.stored_meshes, "mesh")));
+        }
+        let [read, assembly] = [report.read_seconds, report.assembly_seconds].map(short_time);
+        self.add("loading", format!("read in {read}, assembled in {assembly}"));
+        self.add("materials", names(&report.read.materials));
+        if !report.read.dispersive_materials.is_empty() {
+            self.add("dispersive", names(&report.read.dispersive_materials));
+        }
+        if !report.read.media.is_empty() {
+            self.add("media", names(&report.read.media));
+        }
+        self.add("textures", report.read.textures.to_string());
+        let [min, max] = report.bounds.map(numbers);
+        self.add("bounds", format!("{min} to {max}, scene units"));
+        self.add("scene size", format!("{} scene units", report.size));
     }
-    if !report.read.media.is_empty() {
-        row("media", names(&report.read.media));
+
+    fn add_backend(&mut self, accel: &AccelSummary) {
+        self.add("backend", format!("{}, {} rays per packet", accel.name, accel.packet_size));
+        let (size, time) = (accel.bytes as f64 / 1024.0, short_time(accel.build_seconds));
+        self.add("hierarchy", format!("{size:.1} KiB, built in {time}"));
     }
-    row("textures", report.read.textures.to_string());
-    row("bounds", format!("{} to {}, scene units", numbers(min), numbers(max)));
-    row("scene size", format!("{} scene units", report.size));
-    row("backend", format!("{}, {} rays per packet", accel.name, accel.packet_size));
-    row(
-        "hierarchy",
-        format!(
-            "{:.1} KiB, built in {}",
-            accel.bytes as f64 / 1024.0,
-            short_time(accel.build_seconds)
-        ),
-    );
-    let named = match &report.read.light_names[..] {
-        [] => String::new(),
-        some => format!(": {}", names(some)),
-    };
-    row("lights", format!("{}, {} W in total{named}", lights.text(), numbers(&lights.power)));
-    row(
-        "camera",
-        format!(
-            "at {} toward {}: {}",
-            numbers(&camera.position),
-            numbers(&camera.direction),
-            camera.optics.text()
-        ),
-    );
-    if let Some(name) = &report.read.camera {
-        row("camera name", format!("{name}, of {}", names(&report.read.cameras)));
-    }
-    row(
-        "regions",
-        match &report.regions[..] {
+
+    fn add_lights_and_camera(&mut self, report: &InfoReport) {
+        let InfoReport { lights, camera, read, .. } = report;
+        let named = match &read.light_names[..] {
+            [] => String::new(),
+            some => format!(": {}", names(some)),
+        };
+        let power = numbers(lights.power);
+        self.add("lights", format!("{}, {power} W in total{named}", lights.text()));
+        let (at, toward) = (numbers(camera.position), numbers(camera.direction));
+        self.add("camera", format!("at {at} toward {toward}: {}", camera.optics.text()));
+        if let Some(name) = &read.camera {
+            self.add("camera name", format!("{name}, of {}", names(&read.cameras)));
+        }
+        let regions = match &report.regions[..] {
             [] => "none".into(),
             names => names.join(", "),
-        },
-    );
+        };
+        self.add("regions", regions);
+    }
+}
+
+/// Coordinates or channels, rounded to four decimals.
+fn numbers(values: [f32; 3]) -> String {
+    let [x, y, z] = values.map(|value| (f64::from(value) * 1e4).round() / 1e4);
+    format!("({x}, {y}, {z})")
+}
+
+/// The contents of the scene, and the `fixed` settings.
+fn text(report: &InfoReport, fixed: &BTreeSet<String>) -> String {
+    let mut rows = Rows::default();
+    rows.add_contents(report);
+    rows.add_backend(&report.accel);
+    rows.add_lights_and_camera(report);
     for (name, value) in report.settings.to_map() {
         if fixed.contains(&name) {
             let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-            row(&name.replace('_', " "), value);
+            rows.add(&name.replace('_', " "), value);
         }
     }
-    row("other settings", "chosen by `bdpm render`, unless --iterations is given".into());
-    text
+    let others = "chosen by `bdpm render`, unless --iterations is given";
+    rows.add("other settings", others.into());
+    rows.0
 }
 
 fn short_time(seconds: f64) -> String {

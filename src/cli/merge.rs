@@ -1,12 +1,12 @@
 //! `bdpm merge PART...`.
 
 use super::image_file_args::ImageFileArgs;
-use super::json;
 use super::outputs::{self, Attempts, Output};
 use super::preview;
 use super::render_files::{Outputs, Writer};
 use super::render_observer::save_noise;
 use super::render_report::rms_text;
+use super::reported;
 use super::say;
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::stopping::importance;
@@ -119,11 +119,7 @@ pub fn run(args: &Args) -> Result<String> {
         attempts.add(&args.output, || Err::<(), _>(error));
     }
     attempts.finish()?;
-    Ok(match (args.json, args.quiet) {
-        (true, _) => json(&report),
-        (false, true) => String::new(),
-        (false, false) => report.text(),
-    })
+    Ok(reported((args.json, args.quiet), &report, || report.text()))
 }
 
 /// The image of all blocks, with the weights that a single run would use.

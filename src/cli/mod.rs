@@ -227,6 +227,20 @@ fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).expect("plain numbers and texts") + "\n"
 }
 
+/// What a command prints about its result: a JSON object if that is requested, nothing with
+/// `--quiet`, otherwise text.
+fn reported(
+    (as_json, is_quiet): (bool, bool),
+    report: &impl Serialize,
+    text: impl FnOnce() -> String,
+) -> String {
+    match (as_json, is_quiet) {
+        (true, _) => json(report),
+        (false, true) => String::new(),
+        (false, false) => text(),
+    }
+}
+
 /// Arguments for the scene and its settings.
 #[derive(clap::Args)]
 struct SceneArgs {

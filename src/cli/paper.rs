@@ -4,7 +4,7 @@ use super::interrupts::catch_interrupts;
 use super::progress::{Progress, ProgressFormat};
 use super::scene_input::{LoadedScene, SessionArgs};
 use super::settings_args::SettingsArgs;
-use super::{human_time, json, say};
+use super::{human_time, reported, say};
 use bdpm::adaptive::stopping::{Forecast, Stop};
 use bdpm::base::error::{Error, Result};
 use bdpm::job::{Status, Totals};
@@ -95,22 +95,16 @@ pub fn run(args: &Args) -> Result<String> {
         warn_of_short_time(&run, time)?;
     }
     if !measure(&mut run, time, args.session.quiet)? {
-        return Ok(match (scene.json, args.session.quiet) {
-            (true, _) => json(&ReproduceReport { complete: false, report: None, results: None }),
-            (false, true) => String::new(),
-            (false, false) => "stopped; run the command again to continue\n".into(),
-        });
+        let report = ReproduceReport { complete: false, report: None, results: None };
+        let text = || "stopped; run the command again to continue\n".into();
+        return Ok(reported((scene.json, args.session.quiet), &report, text));
     }
     let results = Results::new(&folder, run.experiment().clone())?;
     results.write_data(&folder)?;
     let html = report::write(&results, &folder)?.to_string_lossy().into_owned();
-    Ok(match (scene.json, args.session.quiet) {
-        (true, _) => {
-            json(&ReproduceReport { complete: true, report: Some(html), results: Some(&results) })
-        }
-        (false, true) => String::new(),
-        (false, false) => text(&results, &html),
-    })
+    let (shown, results) = (html.clone(), &results);
+    let report = ReproduceReport { complete: true, report: Some(html), results: Some(results) };
+    Ok(reported((scene.json, args.session.quiet), &report, || text(results, &shown)))
 }
 
 /// The paper merges over discs of one radius. Explicit options change that.

@@ -10,7 +10,7 @@ use super::render_report::{RenderReport, announce, text};
 use super::scene_input::SceneInput;
 use super::verbose;
 use super::view::View;
-use super::{Output, human_time, json};
+use super::{Output, human_time, reported};
 use bdpm::base::error::Result;
 use bdpm::job::RenderState;
 use bdpm::noise::Measure;
@@ -185,11 +185,8 @@ impl<'a> RenderObserver<'a> {
         if args.verbose {
             verbose::at_end(&report).iter().for_each(|line| progress.note(line));
         }
-        let text = match (args.session.scene.json, args.session.quiet) {
-            (true, _) => json(&report),
-            (false, true) => String::new(),
-            (false, false) => text(&report),
-        };
+        let form = (args.session.scene.json, args.session.quiet);
+        let text = reported(form, &report, || text(&report));
         drop(report);
         Ok(Output { text, failure: result.state.failure.take(), ..Output::default() })
     }

@@ -13,7 +13,7 @@ use bdpm::adaptive::error_interval::{COVERAGE, ErrorInterval};
 use bdpm::adaptive::stopping::StoppedBy;
 use bdpm::adaptive::technique::Selection;
 use bdpm::job::{AuditReport, DenoisedReport, RelativeError, RenderState, TimeForecast, Verdict};
-use bdpm::render::bias::MergeBias;
+use bdpm::render::bias_over_noise::BiasOverNoise;
 use bdpm::render::block::{Block, CombinedImage};
 use bdpm::settings::Settings;
 use serde::Serialize;
@@ -42,7 +42,7 @@ pub struct RenderReport<'a> {
     pub technique: Option<&'a Selection>,
     /// Forecast of the rendering time of this run, when half of it had passed.
     pub half_way: Option<TimeForecast>,
-    pub merge_bias: Option<&'a MergeBias>,
+    pub merge_bias: Option<&'a BiasOverNoise>,
     /// Comparison of the image with its audit.
     pub audit: Option<&'a AuditReport>,
     pub exr: String,

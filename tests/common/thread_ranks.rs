@@ -27,6 +27,11 @@ impl Mail {
     pub fn rank(&self, rank: u32) -> Thread<'_> {
         Thread { rank, mail: self }
     }
+
+    /// Whether all messages were received.
+    pub fn is_empty(&self) -> bool {
+        self.boxes.lock().unwrap().is_empty()
+    }
 }
 
 impl Ranks for Thread<'_> {

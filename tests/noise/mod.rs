@@ -11,6 +11,7 @@ mod large;
 mod merge;
 mod optimize;
 mod predicts;
+mod ranks;
 mod reproduce;
 mod scene;
 mod technique;

@@ -7,7 +7,7 @@ use bdpm::Renderer;
 use bdpm::Settings;
 use bdpm::film::radiance::luminance;
 use bdpm::noise::Measure;
-use bdpm::noise::bias::MergeBias;
+use bdpm::noise::merge_bias::MergeBias;
 use bdpm::render::RenderConfig;
 use bdpm::scene::{Emitter, Medium, Mesh, RefractiveIndex, Scene, Spot};
 use bdpm::settings::{Bias, Kernel};

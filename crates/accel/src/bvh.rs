@@ -45,19 +45,19 @@ pub struct Bvh {
     /// Maximum number of entries of a traversal's stack.
     depth: usize,
     /// In the order of the tree's leaves, so that a leaf's triangles are neighbors in memory.
-    triangles: Vec<Triangle>,
+    triangles: Vec<LeafTriangle>,
     build_time: Duration,
 }
 
 /// A triangle with its indices in a [`Hit`].
 #[derive(Clone, Copy)]
-struct Triangle {
+struct LeafTriangle {
     vertices: [Vec3; 3],
     mesh: u32,
     triangle: u32,
 }
 
-impl Boundable for Triangle {
+impl Boundable for LeafTriangle {
     /// The bounds, grown by a few rounding errors: no box is flat, and a ray that runs inside the
     /// plane of a box's face, parallel to an axis, is inside the box.
     fn aabb(&self) -> Aabb {
@@ -92,7 +92,7 @@ impl Bvh {
             let positions = &*geometry.positions(instance);
             let data = TriangleMesh { positions, ..geometry.mesh(instance) };
             data.validate().map_err(|problem| BvhError::Mesh { mesh, problem })?;
-            triangles.extend((0..).zip(data.triangles).map(|(triangle, indices)| Triangle {
+            triangles.extend((0..).zip(data.triangles).map(|(triangle, indices)| LeafTriangle {
                 vertices: indices.map(|index| positions[index as usize]),
                 mesh,
                 triangle,
@@ -111,7 +111,7 @@ impl Bvh {
     /// Calls `visit` with triangles near the ray, nearer boxes first, until it returns false.
     /// `visit` may lower the maximum distance.
     #[inline(always)]
-    fn traverse(&self, ray: &PreparedRay, mut visit: impl FnMut(&Triangle, &mut f32) -> bool) {
+    fn traverse(&self, ray: &PreparedRay, mut visit: impl FnMut(&LeafTriangle, &mut f32) -> bool) {
         let Some(root) = self.tree.nodes.first() else { return };
         let mut t_max = ray.t_far;
         if ray.enters(root, t_max) == f32::INFINITY {
@@ -220,7 +220,7 @@ impl PreparedRay {
     /// Distance, in units of the scaled direction, and barycentric weights of the second and third
     /// vertex, if the ray passes through the triangle from either side within its interval.
     #[inline(always)]
-    fn hit(&self, triangle: &Triangle, t_max: f32) -> Option<(f32, f32, f32)> {
+    fn hit(&self, triangle: &LeafTriangle, t_max: f32) -> Option<(f32, f32, f32)> {
         let [kx, ky, kz] = self.axes;
         let [a, b, c] = triangle.vertices.map(|vertex| vertex - self.origin);
         let sheared = |p: Vec3| (p[kx] - self.shear.x * p[kz], p[ky] - self.shear.y * p[kz]);
@@ -302,7 +302,7 @@ impl Intersect for Bvh {
             triangles: self.triangles.len(),
             bytes: self.tree.nodes.capacity() * size_of::<Bvh2Node>()
                 + self.tree.primitive_indices.capacity() * size_of::<u32>()
-                + self.triangles.capacity() * size_of::<Triangle>(),
+                + self.triangles.capacity() * size_of::<LeafTriangle>(),
             build_time: self.build_time,
         }
     }

@@ -49,12 +49,10 @@ pub(super) fn with_light(
     // Emission is meant to be seen under the light of viewers, of about 1. Placed lights may have
     // any strength.
     let white = own.filter(|_| is_placed).and_then(|own| own.typical_radiance()).unwrap_or(1.0);
-    let problem = match has_own {
-        true => format!(
-            "its lights leave {:.0}% of the visible surfaces black",
-            100.0 * (1.0 - own_share)
-        ),
-        false => "nothing emits light".to_owned(),
+    let problem = if has_own {
+        format!("its lights leave {:.0}% of the visible surfaces black", 100.0 * (1.0 - own_share))
+    } else {
+        "nothing emits light".to_owned()
     };
     scene = scene.with_environment(soft(white));
     let with_environment = check(&scene);

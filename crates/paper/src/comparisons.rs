@@ -150,45 +150,73 @@ fn light_paths(evidence: &Evidence) -> Vec<Finding> {
     others.iter().map(one).collect()
 }
 
+/// The image in which light paths take the share of the time that they take in the paper.
+struct LargerImage {
+    model: TimeModel,
+    /// Pixels along each side.
+    side: f64,
+    /// Its best number of light paths.
+    best: f64,
+}
+
 fn minimum(evidence: &Evidence) -> Vec<Finding> {
+    let optima = evidence.optima;
+    let model = rescaled(*evidence.model);
+    let (side, best) = (model.pixels.sqrt(), optima.rescaled.light_paths.value);
+    let larger = LargerImage { model, side, best };
+    let mut all = vec![minimum_position(evidence, &larger)];
+    all.extend(beside_the_minimum(evidence, &larger));
+    all.extend(camera_paths_at_the_minimum(evidence, &larger));
+    all
+}
+
+/// RMS here with `n` light paths over the least.
+fn here_over_least(evidence: &Evidence, n: f64) -> Predicted {
     let Evidence { noise, region, model, optima, .. } = *evidence;
-    let best = optima.here.light_paths.value;
-    let here = |n: f64| over_least(noise[0], region, model, best, n);
-    // For an image so large that light paths take the paper's share of the time.
-    let larger = rescaled(*model);
-    let best_larger = optima.rescaled.light_paths.value;
-    let side = larger.pixels.sqrt();
-    let in_larger = |n: f64| over_least(noise[0], region, &larger, best_larger, n).value;
-    let column = TABLE_1_CAMERA_PATHS.iter().position(|&n| n == CAMERA_PATHS[0]).unwrap_or(0);
-    let least = TABLE_1.iter().map(|(_, cells)| cells[column]).fold(f64::INFINITY, f64::min);
-    let factors = |i: usize| optima.here.factors[i] / optima.implied.factors[i];
+    over_least(noise[0], region, model, optima.here.light_paths.value, n)
+}
+
+/// Ratios of the factors of the best number of light paths, here over implied: by the times, and by
+/// the noise.
+fn factors(optima: &Optima) -> [f64; 2] {
+    [0, 1].map(|i| optima.here.factors[i] / optima.implied.factors[i])
+}
+
+fn minimum_position(evidence: &Evidence, larger: &LargerImage) -> Finding {
+    let optima = evidence.optima;
+    let ([by_times, by_noise], &LargerImage { side, best, .. }) = (factors(optima), larger);
     let decomposed = format!(
-        "the best N_F is {best:.0} here and {:.0} by the printed numbers: {:.2} times as many by \
-         the times (an iteration without light paths over one light path), {:.2} times by the \
-         noise; it would be {best_larger:.0} in an image of {side:.0} by {side:.0} pixels, where \
+        "the best N_F is {:.0} here and {:.0} by the printed numbers: {by_times:.2} times as many \
+         by the times (an iteration without light paths over one light path), {by_noise:.2} times \
+         by the noise; it would be {best:.0} in an image of {side:.0} by {side:.0} pixels, where \
          light paths take the share of the time that they take in Table 2",
-        optima.implied.light_paths.value,
-        factors(0),
-        factors(1),
+        optima.here.light_paths.value, optima.implied.light_paths.value,
     );
-    let topic = Topic::Minimum;
     let position = Comparison {
-        topic,
+        topic: Topic::Minimum,
         name: format!("RMS at the published minimum, N_F = {BEST_LIGHT_PATHS}, over the least"),
         printed: 1.0,
         implied: Some(implied_over_least(BEST_LIGHT_PATHS)),
-        here: here(BEST_LIGHT_PATHS),
+        here: here_over_least(evidence, BEST_LIGHT_PATHS),
         tolerance: 0.01,
     };
-    let mut all = vec![position.judge(|_| decomposed.clone())];
-    // Away from the minimum: fewer light paths cost noise, more of them time.
-    for (n_light, cells) in [TABLE_1[0], TABLE_1[4], TABLE_1[5]] {
+    position.judge(|_| decomposed.clone())
+}
+
+/// Away from the minimum: fewer light paths cost noise, more of them time.
+fn beside_the_minimum(evidence: &Evidence, larger: &LargerImage) -> Vec<Finding> {
+    let Evidence { noise, region, optima, .. } = *evidence;
+    let &LargerImage { ref model, side, best } = larger;
+    let [_, by_noise] = factors(optima);
+    let column = TABLE_1_CAMERA_PATHS.iter().position(|&n| n == CAMERA_PATHS[0]).unwrap_or(0);
+    let least = TABLE_1.iter().map(|(_, cells)| cells[column]).fold(f64::INFINITY, f64::min);
+    let finding = |(n_light, cells): (u32, [f64; 4])| {
         let n = f64::from(n_light);
         let why = |verdict| match verdict {
             Verdict::Same => String::new(),
             _ if n < BEST_LIGHT_PATHS => format!(
-                "with few light paths the noise decides: sqrt(p/q) is {:.2} times the printed one",
-                factors(1)
+                "with few light paths the noise decides: sqrt(p/q) is {by_noise:.2} times the \
+                 printed one"
             ),
             _ => format!(
                 "with many light paths the time decides: an iteration without light paths takes as \
@@ -197,43 +225,51 @@ fn minimum(evidence: &Evidence) -> Vec<Finding> {
                  take there, it would be {:.3}",
                 1e-3 * optima.here.factors[0].powi(2),
                 1e-3 * optima.implied.factors[0].powi(2),
-                in_larger(n),
+                over_least(noise[0], region, model, best, n).value,
             ),
         };
-        let name = format!("RMS at N_F = {n_light} over the least, N_B = 25");
-        let (printed, implied) = (cells[column] / least, Some(implied_over_least(n)));
-        let comparison =
-            Comparison { topic, name, printed, implied, here: here(n), tolerance: 0.03 };
-        all.push(comparison.judge(why));
-    }
+        let comparison = Comparison {
+            topic: Topic::Minimum,
+            name: format!("RMS at N_F = {n_light} over the least, N_B = 25"),
+            printed: cells[column] / least,
+            implied: Some(implied_over_least(n)),
+            here: here_over_least(evidence, n),
+            tolerance: 0.03,
+        };
+        comparison.judge(why)
+    };
+    [TABLE_1[0], TABLE_1[4], TABLE_1[5]].map(finding).into()
+}
+
+/// Fewer and more camera paths in the same time; `None` if the experiment has no such cells.
+fn camera_paths_at_the_minimum(evidence: &Evidence, larger: &LargerImage) -> Option<Finding> {
     let [first, .., last] = TABLE_1_CAMERA_PATHS;
-    if let (Some(few), Some(many)) =
-        (find(evidence.cells, LIGHT_PATHS, first), find(evidence.cells, LIGHT_PATHS, last))
-    {
-        let (_, cells) = TABLE_1[1];
-        let name = format!("RMS after a time at N_B = {first} over {last}, N_F = {LIGHT_PATHS}");
-        let here = quotient(few.model_after, many.model_after);
-        // The two predictions are from the same coefficients: their errors nearly cancel.
-        let here = Predicted { error: Some(0.0), ..here };
-        let alone = |model: &TimeModel| {
-            let [fixed, light, ..] = model.parts(LIGHT_PATHS.into(), first.into());
-            100.0 * (fixed + light) / model.iteration(LIGHT_PATHS.into(), first.into())
-        };
-        let why = |_| {
-            format!(
-                "an iteration spends {:.1} % of its time on what camera paths do not change here at \
-                 N_B = {first}, {:.1} % by Table 2, and {:.1} % in an image of {side:.0} by \
-                 {side:.0} pixels; measured without the formula the ratio is {:.3}",
-                alone(model),
-                alone(&implied::time_model()),
-                alone(&larger),
-                few.after.value / many.after.value,
-            )
-        };
-        let (printed, implied) = (cells[0] / cells[3], None);
-        all.push(Comparison { topic, name, printed, implied, here, tolerance: 0.02 }.judge(why));
-    }
-    all
+    let few = find(evidence.cells, LIGHT_PATHS, first)?;
+    let many = find(evidence.cells, LIGHT_PATHS, last)?;
+    let here = quotient(few.model_after, many.model_after);
+    // The two predictions are from the same coefficients: their errors nearly cancel.
+    let here = Predicted { error: Some(0.0), ..here };
+    let alone = |model: &TimeModel| {
+        let [fixed, light, ..] = model.parts(LIGHT_PATHS.into(), first.into());
+        100.0 * (fixed + light) / model.iteration(LIGHT_PATHS.into(), first.into())
+    };
+    let why = |_| {
+        let side = larger.side;
+        format!(
+            "an iteration spends {:.1} % of its time on what camera paths do not change here at \
+             N_B = {first}, {:.1} % by Table 2, and {:.1} % in an image of {side:.0} by {side:.0} \
+             pixels; measured without the formula the ratio is {:.3}",
+            alone(evidence.model),
+            alone(&implied::time_model()),
+            alone(&larger.model),
+            few.after.value / many.after.value,
+        )
+    };
+    let (_, cells) = TABLE_1[1];
+    let (printed, implied) = (cells[0] / cells[3], None);
+    let topic = Topic::Minimum;
+    let name = format!("RMS after a time at N_B = {first} over {last}, N_F = {LIGHT_PATHS}");
+    Some(Comparison { topic, name, printed, implied, here, tolerance: 0.02 }.judge(why))
 }
 
 fn percent(a: f64, b: f64) -> f64 {

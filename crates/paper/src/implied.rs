@@ -74,70 +74,85 @@ pub struct Inconsistency {
 
 /// Where the paper's numbers disagree with each other by more than their last digit.
 pub fn inconsistencies() -> Vec<Inconsistency> {
-    let [few, many] = FIGURE_3;
-    let [n_few, n_many] = CAMERA_PATHS.map(f64::from);
-    let n_light = f64::from(LIGHT_PATHS);
-    let mut all = Vec::new();
-    let mut check = |place: &str, printed: f64, implied: f64, last_digit: f64, reason: &str| {
-        // Only numbers that rounding does not explain.
+    let mut all = Inconsistencies::default();
+    all.check_figure_3();
+    all.check_tables();
+    all.0
+}
+
+/// Those found so far.
+#[derive(Default)]
+struct Inconsistencies(Vec<Inconsistency>);
+
+impl Inconsistencies {
+    /// Adds a number that rounding does not explain.
+    fn check(&mut self, place: &str, printed: f64, implied: f64, last_digit: f64, reason: &str) {
         if (printed - implied).abs() > 0.5 * last_digit {
             let (place, reason) = (place.into(), reason.into());
-            all.push(Inconsistency { place, printed, implied, reason });
+            self.0.push(Inconsistency { place, printed, implied, reason });
         }
-    };
-    let at_many = coefficients().paper_terms(n_light, n_many).map(f64::sqrt);
-    check(
-        "Figure 3, C term at N_B = 100",
-        many.roots[0],
-        at_many[0],
-        2e-5,
-        "by (1) it falls as 1/sqrt(N_B) from its value at N_B = 25",
-    );
-    check(
-        "Figure 3, F term, N_B = 100 over 25",
-        many.roots[2] / few.roots[2],
-        at_many[2] / few.roots[2],
-        1e-3,
-        "by (1) it grows as sqrt(1 - 1/N_B)",
-    );
-    let norm = few.roots.iter().map(|root| root * root).sum::<f64>().sqrt();
-    if few.total < norm {
-        check(
-            "Figure 3, mean RMS at N_B = 25",
-            few.total,
-            norm,
-            1e-5,
-            "the root is convex in the three roots, so that the mean of the RMS is at least the \
-             root of the squared means of the terms",
-        );
     }
-    for row in TABLE_2 {
-        // The light paths' noise is what vanishes for infinitely many of them.
-        let limit = rms(f64::INFINITY, n_few);
-        if row.rms < limit {
-            check(
-                &format!("Table 2, RMS of one iteration at N_F = {}", row.light_paths),
-                row.rms,
-                limit,
-                1e-3,
-                "below the limit for infinitely many light paths that Figure 3 implies; the root of \
-                 a sample variance from few iterations is low",
+
+    fn check_figure_3(&mut self) {
+        let [few, many] = FIGURE_3;
+        let [_, n_many] = CAMERA_PATHS.map(f64::from);
+        let at_many = coefficients().paper_terms(f64::from(LIGHT_PATHS), n_many).map(f64::sqrt);
+        self.check(
+            "Figure 3, C term at N_B = 100",
+            many.roots[0],
+            at_many[0],
+            2e-5,
+            "by (1) it falls as 1/sqrt(N_B) from its value at N_B = 25",
+        );
+        self.check(
+            "Figure 3, F term, N_B = 100 over 25",
+            many.roots[2] / few.roots[2],
+            at_many[2] / few.roots[2],
+            1e-3,
+            "by (1) it grows as sqrt(1 - 1/N_B)",
+        );
+        let norm = few.roots.iter().map(|root| root * root).sum::<f64>().sqrt();
+        if few.total < norm {
+            self.check(
+                "Figure 3, mean RMS at N_B = 25",
+                few.total,
+                norm,
+                1e-5,
+                "the root is convex in the three roots, so that the mean of the RMS is at least \
+                 the root of the squared means of the terms",
             );
         }
     }
-    let column = TABLE_1_CAMERA_PATHS.iter().position(|&n| n == CAMERA_PATHS[0]);
-    for ((n, cells), row) in TABLE_1.iter().skip(1).zip(TABLE_2) {
-        let printed = column.map(|column| cells[column]).expect("Table 1 has this column");
-        check(
-            &format!("Table 1, N_F = {n}, N_B = 25"),
-            printed,
-            row.rms * (row.time / TIME).sqrt(),
-            // Both numbers are rounded.
-            4e-3,
-            "what the RMS and the time in Table 2 give for the same counts",
-        );
+
+    fn check_tables(&mut self) {
+        let [n_few, _] = CAMERA_PATHS.map(f64::from);
+        for row in TABLE_2 {
+            // The light paths' noise is what vanishes for infinitely many of them.
+            let limit = rms(f64::INFINITY, n_few);
+            if row.rms < limit {
+                self.check(
+                    &format!("Table 2, RMS of one iteration at N_F = {}", row.light_paths),
+                    row.rms,
+                    limit,
+                    1e-3,
+                    "below the limit for infinitely many light paths that Figure 3 implies; the \
+                     root of a sample variance from few iterations is low",
+                );
+            }
+        }
+        let column = TABLE_1_CAMERA_PATHS.iter().position(|&n| n == CAMERA_PATHS[0]);
+        for ((n, cells), row) in TABLE_1.iter().skip(1).zip(TABLE_2) {
+            let printed = column.map(|column| cells[column]).expect("Table 1 has this column");
+            self.check(
+                &format!("Table 1, N_F = {n}, N_B = 25"),
+                printed,
+                row.rms * (row.time / TIME).sqrt(),
+                // Both numbers are rounded.
+                4e-3,
+                "what the RMS and the time in Table 2 give for the same counts",
+            );
+        }
     }
-    all
 }
 
 #[cfg(test)]

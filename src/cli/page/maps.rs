@@ -7,8 +7,8 @@ use bdpm::adaptive::stopping::importance;
 use bdpm::base::math::Rgb;
 use bdpm::film::radiance::box_filter;
 use bdpm::image_io::auto_exposure;
-use bdpm::noise::bias::BIAS_CERTAINTY;
-use bdpm::render::bias;
+use bdpm::noise::merge_bias::BIAS_CERTAINTY;
+use bdpm::render::bias_over_noise;
 use bdpm::render::block::coefficients;
 use bdpm::report::picture::{Colors, Picture};
 use maud::{Markup, html};
@@ -43,7 +43,7 @@ struct NoiseTerms {
 
 /// Shrinks pictures by an integer factor, so that they are not larger than a limit.
 #[derive(Clone, Copy)]
-struct Grid {
+struct PictureScale {
     size: (u32, u32),
     /// Side of the square of pixels that becomes one pixel.
     step: u32,
@@ -59,14 +59,14 @@ impl Maps {
             Some(_) => 1,
             None => pixels.div_ceil(live_pixels).isqrt().max(1) as u32,
         };
-        let grid = Grid { size, step };
+        let scale = PictureScale { size, step };
         let mean = image.mean();
         let shown = snapshot.state.denoised().map_or(&mean, |denoised| &denoised.image);
         let exposure = auto_exposure(shown);
         let radiance = |name, alt: &str, pixels: &[Rgb]| {
-            let pixels = grid.shrink(pixels, |pixel| pixel.to_array().map(f64::from));
+            let pixels = scale.shrink(pixels, |pixel| pixel.to_array().map(f64::from));
             let pixels: Vec<Rgb> = pixels.into_iter().map(|p| p.map(|x| x as f32).into()).collect();
-            Picture::exposed((name, alt), grid.shrunk(), &pixels, exposure)
+            Picture::exposed((name, alt), scale.shrunk(), &pixels, exposure)
         };
         let scene = &snapshot.state.provenance.scene;
         // Relative to the luminance of each pixel, whatever the objective.
@@ -76,16 +76,16 @@ impl Maps {
         let noise = image.rms().map(|rms| {
             let relative = |(rms, weight): (&f32, &f64)| [100.0 * f64::from(*rms) * weight.sqrt()];
             let values: Vec<_> = rms.par_iter().zip(&weights).map(relative).collect();
-            grid.values("noise", "RMS noise of each pixel", &values, Colors::Sequential)
+            scale.values("noise", "RMS noise of each pixel", &values, Colors::Sequential)
         });
-        let bias = bias::per_cell(image.blocks()).map(|bias| {
+        let bias = bias_over_noise::per_cell(image.blocks()).map(|bias| {
             let relative = |([bias, error], weight): (&[f64; 2], &f64)| {
                 let certain = bias.abs() > BIAS_CERTAINTY * error;
                 [if certain { 100.0 * bias * weight.sqrt() } else { 0.0 }]
             };
             let values: Vec<_> = bias.par_iter().zip(&importance).map(relative).collect();
             let values = cells.expanded(&values);
-            grid.values("bias", "merge bias of each pixel", &values, Colors::Diverging)
+            scale.values("bias", "merge bias of each pixel", &values, Colors::Diverging)
         });
         Self {
             image: radiance("image", &format!("the picture of {scene}"), &mean),
@@ -95,7 +95,7 @@ impl Maps {
             noise,
             bias,
             is_corrected: image.bias_correction().is_some(),
-            terms: NoiseTerms::new(snapshot, grid, &importance),
+            terms: NoiseTerms::new(snapshot, scale, &importance),
         }
     }
 
@@ -212,7 +212,7 @@ fn term_list(shares: &[f64; 3], reference: &str) -> Markup {
 }
 
 impl NoiseTerms {
-    fn new(snapshot: &Snapshot, grid: Grid, relative: &[f64]) -> Option<Self> {
+    fn new(snapshot: &Snapshot, scale: PictureScale, relative: &[f64]) -> Option<Self> {
         let blocks = snapshot.image.blocks();
         let measured = coefficients(blocks)?;
         let counts = &blocks.last()?.counts;
@@ -237,15 +237,15 @@ impl NoiseTerms {
         let names = TERMS.map(|(name, ..)| name);
         let picture = Picture::channels(
             ("terms", "the three terms of the noise as red, green and blue"),
-            grid.shrunk(),
-            &grid.shrink(&pooled, |roots| *roots),
+            scale.shrunk(),
+            &scale.shrink(&pooled, |roots| *roots),
             names,
         );
         (all > 0.0).then(|| Self { picture, shares: sums.map(|sum| sum / all) })
     }
 }
 
-impl Grid {
+impl PictureScale {
     fn shrunk(self) -> (u32, u32) {
         (self.size.0.div_ceil(self.step), self.size.1.div_ceil(self.step))
     }
@@ -329,12 +329,13 @@ mod tests {
 
     #[test]
     fn shrinking_at_the_border_keeps_means() {
-        let grid = Grid { size: (5, 3), step: 2 };
+        let scale = PictureScale { size: (5, 3), step: 2 };
         let values: Vec<f64> = (0..15).map(f64::from).collect();
-        let small = grid.shrink(&values, |value| [*value]).into_flattened();
-        assert_eq!(grid.shrunk(), (3, 2));
+        let small = scale.shrink(&values, |value| [*value]).into_flattened();
+        assert_eq!(scale.shrunk(), (3, 2));
         assert_eq!(small, [3.0, 5.0, 6.5, 10.5, 12.5, 14.0]);
-        let same = Grid { step: 1, ..grid }.shrink(&values, |value| [*value]).into_flattened();
+        let same =
+            PictureScale { step: 1, ..scale }.shrink(&values, |value| [*value]).into_flattened();
         assert_eq!(same, values);
     }
 }

@@ -8,7 +8,7 @@ use crate::cli::scene_input::SceneInput;
 use bdpm::adaptive::error_interval::{COVERAGE, ErrorInterval};
 use bdpm::adaptive::stopping::{Stop, StoppedBy, Target};
 use bdpm::image_io::number;
-use bdpm::noise::bias::UPPER_BOUND;
+use bdpm::noise::merge_bias::UPPER_BOUND;
 use bdpm::report::number::count;
 use bdpm::settings::provenance::Provenance;
 use maud::{Markup, html};

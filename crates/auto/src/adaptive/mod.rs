@@ -1,6 +1,7 @@
 //! Decisions while an image is rendered: technique, radii, counts, and when to stop.
 
 pub mod autopilot;
+mod count_choice;
 pub mod count_policy;
 pub mod denoised_noise;
 pub mod error_interval;

@@ -3,6 +3,7 @@
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::image_io::{Metadata, Value};
 use bdpm_core::settings::Settings;
+use bdpm_core::settings::differences::Differences;
 use bdpm_core::settings::provenance::Provenance;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -102,38 +103,23 @@ impl MeasurementSetup {
     /// # Errors
     /// Names everything that differs, with both values.
     pub fn check_fits(&self, facts: &Metadata) -> Result<()> {
-        let mut differences = Vec::new();
+        let mut differences = Differences::default();
         let shown = |name: &str| match facts.get(name) {
             Some(Value::Text(text)) => text.clone(),
             Some(Value::Number(number)) => number.to_string(),
             None => UNKNOWN.into(),
         };
-        if shown("fingerprint") != self.fingerprint {
-            let scene = shown("scene");
-            differences.push(if scene == self.scene {
-                format!("scene `{scene}` has changed")
-            } else {
-                format!("scene is `{}`, not `{scene}`", self.scene)
-            });
-        }
-        let mut compare = |name: &str, this: String, that: String| {
-            if this != that {
-                differences.push(format!("{name} is {this}, not {that}"));
-            }
-        };
+        let this = (&*self.scene, self.fingerprint.clone());
+        differences.compare_scenes(this, (&shown("scene"), shown("fingerprint")));
         let that = format!("{}x{}", shown("width"), shown("height"));
-        compare("resolution", self.resolution(), that);
+        differences.compare("resolution", self.resolution(), that);
         for name in dependent().filter(|name| !["width", "height"].contains(name)) {
-            compare(&name.replace('_', "-"), self.setting(name), shown(name));
+            differences.compare(&name.replace('_', "-"), self.setting(name), shown(name));
         }
-        compare("backend", self.backend.clone(), shown("backend"));
-        if differences.is_empty() {
-            return Ok(());
-        }
-        Err(Error::new(
-            format!("these times are for something else: their {}", differences.join("; their ")),
-            "measure the times of this scene with these settings: bdpm calibrate",
-        ))
+        differences.compare("backend", self.backend.clone(), shown("backend"));
+        let problem = "these times are for something else";
+        let advice = "measure the times of this scene with these settings: bdpm calibrate";
+        differences.check(problem, "their", advice)
     }
 }
 

@@ -1,4 +1,12 @@
-//! Light of each pixel by component.
+//! Light of each pixel by component, in one of two representations.
+//!
+//! Images of up to [`MAX_CELLS`](super::cells::MAX_CELLS) pixels keep [`LightComponents`] in each
+//! block, in double precision: 72 bytes per pixel and block. Blocks are weighted when they are
+//! combined, and an image may have millions of iterations, whose rounding errors would add up in
+//! single precision. Larger images keep [`CompactLight`] once for all blocks: at most 36 bytes per
+//! pixel, and none where there is no such light. Their iterations are few. One representation does
+//! not serve both: the first would take gigabytes for the blocks of a large image, and shares of
+//! unweighted sums are not the components of a weighted mean that other images have.
 
 use super::cells::CellGrid;
 use super::folds::FoldedStatistic;

@@ -9,6 +9,7 @@ use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
 use crate::base::input;
 use crate::base::memory::{GIB, available_memory};
+use exr::image::AnyChannel;
 use exr::meta::attribute::Chromaticities;
 use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
 use exr::meta::{BlockDescription, MetaData};
@@ -183,34 +184,9 @@ fn read_windows(path: &Path) -> Result<(Image, ExrWindows)> {
         .from_buffered(BufReader::new(&file))
         .map_err(broken)?;
     let part = image.layer_data;
-    let mut layers: Vec<Layer> = Vec::new();
-    for channel in part.channel_data.list {
-        let values = match channel.sample_data {
-            FlatSamples::F32(values) => values,
-            FlatSamples::F16(values) => values.iter().map(|v| v.to_f32()).collect(),
-            FlatSamples::U32(values) => values.iter().map(|&v| v as f32).collect(),
-        };
-        let full = channel.name.to_string();
-        let (layer, name) = full.rsplit_once('.').unwrap_or(("", &full));
-        let channel = (name.to_owned(), values);
-        match layers.iter_mut().find(|found| found.name == layer) {
-            Some(found) => found.channels.push(channel),
-            None => layers.push(Layer { name: layer.to_owned(), channels: vec![channel] }),
-        }
-    }
-    let mut metadata = Metadata::new();
-    for (name, value) in part.attributes.other.iter().chain(&image.attributes.other) {
-        let value = match value {
-            AttributeValue::Text(value) => {
-                Value::Text(String::from_utf8_lossy(value.as_slice()).into_owned())
-            }
-            AttributeValue::F64(value) => Value::Number(*value),
-            _ => continue,
-        };
-        if let Some(name) = String::from_utf8_lossy(name.as_slice()).strip_prefix(PREFIX) {
-            metadata.insert(name.to_owned(), value);
-        }
-    }
+    let attributes = part.attributes.other.iter().chain(&image.attributes.other);
+    let metadata = metadata_of(attributes);
+    let layers = layers_of(part.channel_data.list);
     // Files written elsewhere may be larger than any image of ours.
     let side = |pixels: usize| {
         u32::try_from(pixels).map_err(|_| {
@@ -229,6 +205,44 @@ fn read_windows(path: &Path) -> Result<(Image, ExrWindows)> {
         size: [side(display.size.0)?, side(display.size.1)?],
     };
     Ok((Image { width, height, layers, metadata }, windows))
+}
+
+/// Layers of channels whose names begin with that of their layer.
+fn layers_of(channels: impl IntoIterator<Item = AnyChannel<FlatSamples>>) -> Vec<Layer> {
+    let mut layers: Vec<Layer> = Vec::new();
+    for channel in channels {
+        let values = match channel.sample_data {
+            FlatSamples::F32(values) => values,
+            FlatSamples::F16(values) => values.iter().map(|v| v.to_f32()).collect(),
+            FlatSamples::U32(values) => values.iter().map(|&v| v as f32).collect(),
+        };
+        let full = channel.name.to_string();
+        let (layer, name) = full.rsplit_once('.').unwrap_or(("", &full));
+        let channel = (name.to_owned(), values);
+        match layers.iter_mut().find(|known| known.name == layer) {
+            Some(known) => known.channels.push(channel),
+            None => layers.push(Layer { name: layer.to_owned(), channels: vec![channel] }),
+        }
+    }
+    layers
+}
+
+/// Texts and numbers of this program.
+fn metadata_of<'a>(attributes: impl Iterator<Item = (&'a Text, &'a AttributeValue)>) -> Metadata {
+    let mut metadata = Metadata::new();
+    for (name, value) in attributes {
+        let value = match value {
+            AttributeValue::Text(value) => {
+                Value::Text(String::from_utf8_lossy(value.as_slice()).into_owned())
+            }
+            AttributeValue::F64(value) => Value::Number(*value),
+            _ => continue,
+        };
+        if let Some(name) = String::from_utf8_lossy(name.as_slice()).strip_prefix(PREFIX) {
+            metadata.insert(name.to_owned(), value);
+        }
+    }
+    metadata
 }
 
 /// Refuses files that are no EXR files; rewinds the others.

@@ -141,15 +141,7 @@ impl NoiseFile {
             ),
             layer("bias", vec![("Y", bias(0)), ("error", bias(1))]),
         ];
-        for batch in 0..BATCHES {
-            let channel = |(index, name)| {
-                let value =
-                    |batches: &[NoiseSample; BATCHES]| batches[batch].to_array()[index] as f32;
-                (name, noise.batches.iter().map(value).collect())
-            };
-            let channels = BATCH_CHANNELS.into_iter().enumerate().map(channel).collect();
-            layers.push(layer(&batch_name(batch), channels));
-        }
+        layers.extend((0..BATCHES).map(|batch| batch_layer(noise, batch)));
         let mut metadata = facts.clone();
         metadata.extend([
             ("light_paths".into(), Value::Number(counts.0)),
@@ -169,19 +161,10 @@ impl NoiseFile {
     /// # Errors
     /// If a layer or attribute is missing.
     pub fn from_image(image: Image) -> Result<Self> {
-        let broken = |what: &str| {
-            Error::new(
-                format!("this image has no measured noise: {what} is missing"),
-                "give the .exr file that `bdpm analyze` wrote",
-            )
-        };
-        let channel = |layer: &str, name: &str| {
-            let found = image.layer(layer).and_then(|layer| layer.channel(name));
-            found.ok_or_else(|| broken(&format!("channel {layer}.{name}")))
-        };
+        let channel = |layer: &str, name: &str| channel(&image, layer, name);
         let count = |name: &str, least: f64, most: f64| match image.metadata.get(name) {
             Some(&Value::Number(n)) if n >= least && n <= most && n.fract() == 0.0 => Ok(n),
-            _ => Err(broken(&format!("valid attribute bdpm.{name}"))),
+            _ => Err(missing(&format!("valid attribute bdpm.{name}"))),
         };
         let light_paths = count("light_paths", 2.0, f64::from(u32::MAX))? as u32;
         let camera_paths = count("camera_paths", 2.0, f64::from(u32::MAX))? as u32;
@@ -210,28 +193,20 @@ impl NoiseFile {
                 pixel[batch] = sample(&channels, i);
             }
         }
-        let mut facts = image.metadata.clone();
-        let mut regions = Vec::new();
-        for (key, value) in &image.metadata {
-            if let (Some(name), Value::Text(text)) = (key.strip_prefix(REGION), value) {
-                let rectangles = rectangles_from_text(text)?;
-                regions.push(Region { name: name.into(), rectangles });
-                facts.remove(key);
-            }
-        }
+        let (mut facts, regions) = facts_and_regions(&image.metadata)?;
         let counts = match image.metadata.get(BATCH_COUNTS) {
             None => Some(BatchCounts::of(iterations)),
             Some(Value::Text(text)) => counts_from_text(text, iterations),
             Some(_) => None,
         };
         let counts =
-            counts.ok_or_else(|| broken(&format!("valid attribute bdpm.{BATCH_COUNTS}")))?;
+            counts.ok_or_else(|| missing(&format!("valid attribute bdpm.{BATCH_COUNTS}")))?;
         for key in ["light_paths", "camera_paths", "iterations", BATCH_COUNTS] {
             facts.remove(key);
         }
         let rgb = image.raw().and_then(Layer::to_rgb);
-        let rgb = rgb.ok_or_else(|| broken("channels R, G and B"))?;
-        let (width, height) = (image.width, image.height);
+        let rgb = rgb.ok_or_else(|| missing("channels R, G and B"))?;
+        let Image { width, height, .. } = image;
         let noise = NoiseImage {
             width,
             height,
@@ -244,6 +219,43 @@ impl NoiseFile {
         };
         Ok(Self { noise, pixels: rgb, regions, facts })
     }
+}
+
+/// The error for an image without a layer or attribute.
+fn missing(what: &str) -> Error {
+    Error::new(
+        format!("this image has no measured noise: {what} is missing"),
+        "give the .exr file that `bdpm analyze` wrote",
+    )
+}
+
+/// The values of a channel.
+fn channel<'a>(image: &'a Image, layer: &str, name: &str) -> Result<&'a [f32]> {
+    let values = image.layer(layer).and_then(|layer| layer.channel(name));
+    values.ok_or_else(|| missing(&format!("channel {layer}.{name}")))
+}
+
+/// The channels of a batch.
+fn batch_layer(noise: &NoiseImage, batch: usize) -> Layer {
+    let channel = |(index, name): (usize, &str)| {
+        let value = |batches: &[NoiseSample; BATCHES]| batches[batch].to_array()[index] as f32;
+        (name.to_owned(), noise.batches.iter().map(value).collect())
+    };
+    let channels = BATCH_CHANNELS.into_iter().enumerate().map(channel).collect();
+    Layer { name: batch_name(batch), channels }
+}
+
+/// The metadata without the regions, and the regions.
+fn facts_and_regions(metadata: &Metadata) -> Result<(Metadata, Vec<Region>)> {
+    let (mut facts, mut regions) = (metadata.clone(), Vec::new());
+    for (key, value) in metadata {
+        if let (Some(name), Value::Text(text)) = (key.strip_prefix(REGION), value) {
+            let rectangles = rectangles_from_text(text)?;
+            regions.push(Region { name: name.into(), rectangles });
+            facts.remove(key);
+        }
+    }
+    Ok((facts, regions))
 }
 
 fn counts_to_text(counts: &BatchCounts) -> String {

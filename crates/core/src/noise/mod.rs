@@ -12,7 +12,7 @@
 //!
 //! None of the coefficients depends on the two counts.
 
-pub mod bias;
+pub mod merge_bias;
 pub mod difference;
 pub mod file;
 pub mod film;

@@ -1,7 +1,7 @@
 //! Statistics of the noise over a region, as `bdpm analyze` reports them.
 
-use super::bias::MergeBias;
 use super::image::{NoiseImage, NoiseSample, Statistic, mean, root};
+use super::merge_bias::MergeBias;
 use serde::Serialize;
 
 /// Noise of one iteration at the measured counts over a region; luminances, W/(m^2 sr).

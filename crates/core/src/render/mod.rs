@@ -1,9 +1,10 @@
 //! Rendering a scene, iteration after iteration.
 
 pub mod accumulators;
+pub mod annulus_moments;
 pub mod audit;
 mod aov_sums;
-pub mod bias;
+pub mod bias_over_noise;
 pub mod bias_correction;
 pub mod block;
 pub mod combined_image;

@@ -4,6 +4,7 @@ mod allowed;
 mod checks;
 pub mod combinations;
 mod crop;
+pub mod differences;
 mod fixed_array;
 mod length;
 pub mod provenance;

@@ -1,6 +1,7 @@
 //! Provenance of an image, in checkpoints and in the metadata of image files.
 
 use super::Settings;
+use super::differences::Differences;
 use crate::base::error::{Error, Result};
 use crate::image_io::{Metadata, Value};
 use serde::{Deserialize, Serialize};
@@ -104,28 +105,14 @@ impl Provenance {
     /// # Errors
     /// Names every difference, with both values.
     pub fn check_agrees(&self, other: &Self, reuse: Reuse) -> Result<()> {
-        let mut differences = Vec::new();
-        if self.fingerprint != other.fingerprint {
-            differences.push(if self.scene == other.scene {
-                format!("scene `{}` has changed", self.scene)
-            } else {
-                format!("scene is `{}`, not `{}`", self.scene, other.scene)
-            });
-        }
-        let mut compare = |name: &str, this: &str, that: &str| {
-            if this != that {
-                differences.push(format!("{name} is {this}, not {that}"));
-            }
-        };
-        compare("program version", &self.version, &other.version);
-        compare("backend", &self.backend, &other.backend);
+        let mut differences = Differences::default();
+        let [this, that] = [self, other].map(|it| (&*it.scene, it.fingerprint));
+        differences.compare_scenes(this, that);
+        differences.compare("program version", &self.version, &other.version);
+        differences.compare("backend", &self.backend, &other.backend);
         let (these, those) = (self.settings.to_map(), other.settings.to_map());
         for (name, value) in &these {
-            let name = name.replace('_', "-");
-            compare(&name, &value.to_string(), &those[&name.replace('-', "_")].to_string());
-        }
-        if differences.is_empty() {
-            return Ok(());
+            differences.compare(&name.replace('_', "-"), value, &those[name]);
         }
         let (problem, advice) = match reuse {
             Reuse::Resume => (
@@ -141,39 +128,19 @@ impl Provenance {
                 "give the scene and settings that it was made for, or render without a plan",
             ),
         };
-        Err(Error::new(format!("{problem}: its {}", differences.join("; its ")), advice))
+        differences.check(problem, "its", advice)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{Direct, Kernel, MediumQuery, Strategy};
+    use crate::settings::{Direct, PartialSettings};
 
     fn origin() -> Provenance {
-        let settings = Settings {
-            width: 5,
-            height: 3,
-            crop: None,
-            light_paths: 100,
-            camera_paths: 2,
-            radius: 0.1,
-            caustic_radius: 0.1,
-            medium_scale: 4.0,
-            medium_query: MediumQuery::Points,
-            wavelength_width: 0.06,
-            kernel: Kernel::Area,
-            merge_vertex: 2,
-            strategy: Strategy::Single,
-            direct: Direct::Connect,
-            guide: 0,
-            sobol_set: 1,
-            splitting: 1,
-            light_visibility: 0,
-            bias: crate::settings::Bias::Keep,
-            seed: u64::MAX,
-            mis_scales: None,
-        };
+        let none = PartialSettings::default();
+        let typical = Settings::resolve(&none, &none, 1.0).unwrap();
+        let settings = Settings { light_paths: 100, radius: 0.1, seed: u64::MAX, ..typical };
         Provenance {
             version: "1.2.3".into(),
             scene: "box".into(),

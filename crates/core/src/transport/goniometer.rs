@@ -8,11 +8,11 @@
 //! exactly the flux of all paths, because the hat functions add up to 1.
 
 use super::free_flight::{MediumVertex, Passed, travel};
-use super::light_paths::survival;
 use super::path_state::{History, PathState};
+use super::roulette::{leave, survives};
 use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::base::error::{Error, Result};
-use crate::base::math::{Rgb, luminance};
+use crate::base::math::luminance;
 use crate::base::photometry::LUMENS_PER_WATT;
 use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::scene::{Emission, Emitter, IntensityDistribution, Photometry, Scene, Surface};
@@ -317,18 +317,7 @@ fn scattered(scene: &Scene, surface: &Surface, mut state: PathState) -> Option<(
     state.weight *= surface.disperse(&mut wavelength, &mut state.rng);
     state.history = state.history.with_wavelength(wavelength);
     let sample = surface.scatter_flux(&mut state.rng)?;
-    if !survives(sample.weight, &mut state) {
-        return None;
-    }
-    state.history = state.history.leaving(scene, &surface, sample.wi);
-    Some((Ray::new(surface.start(sample.wi), sample.wi), state))
-}
-
-/// Plays roulette at a vertex that multiplies the flux by `weight`.
-fn survives(weight: Rgb, state: &mut PathState) -> bool {
-    let survival = survival(weight);
-    state.weight *= weight / survival;
-    state.rng.next_1d() < survival
+    leave(scene, &surface, &sample, state)
 }
 
 #[cfg(test)]

@@ -23,3 +23,4 @@ pub mod photon_tree;
 pub mod reference;
 mod path_state;
 pub mod room;
+mod roulette;

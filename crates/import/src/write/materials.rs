@@ -6,7 +6,9 @@ use super::textures::TextureFiles;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
 use bdpm_core::base::names::{Names, for_line};
-use bdpm_core::scene::bsdf::{Bsdf, FacetModel, Glossy, PrincipledParameters, Reflectance};
+use bdpm_core::scene::bsdf::{
+    Bsdf, Conductor, FacetModel, Glossy, Plastic, PrincipledParameters, Reflectance,
+};
 use bdpm_core::scene::{Material, RefractiveIndex};
 use std::fmt::Write;
 
@@ -76,36 +78,12 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
             let tint = transmittance(sheet.transmittance);
             format!("type = \"thin-dielectric\"\nior = {}\n{tint}", number(sheet.eta))
         }
-        Bsdf::Conductor(metal) => {
-            let look = reflectance(metal.reflectance());
-            let single = metal.single().map(|(model, tint)| {
-                let tinted = tint != Rgb::ONE;
-                let tint = if tinted { format!("tint = {}\n", color(tint)) } else { String::new() };
-                format!("{}{tint}", facets(model))
-            });
-            let rough = roughness(metal.alpha());
-            format!("type = \"metal\"\n{look}{rough}{}", single.unwrap_or_default())
-        }
+        Bsdf::Conductor(metal) => conductor(&metal),
         Bsdf::Coated(coated) => {
             let (albedo, ior) = (color(coated.albedo()), number(coated.eta()));
             format!("type = \"coated\"\nalbedo = {albedo}\nior = {ior}\n")
         }
-        Bsdf::Plastic(plastic) => {
-            let (albedo, tint, width) = (plastic.albedo(), plastic.tint(), plastic.facets());
-            let mut text = format!("type = \"plastic\"\nalbedo = {}\n", color(albedo));
-            text += &indices(plastic.eta())?;
-            if width.alpha > 0.0 {
-                text += &roughness(width.alpha);
-                text += facets(width.model);
-            }
-            if tint != Rgb::ONE {
-                let _ = writeln!(text, "tint = {}", color(tint));
-            }
-            if plastic.is_nonlinear() {
-                text += "nonlinear = true\n";
-            }
-            text
-        }
+        Bsdf::Plastic(surface) => plastic(&surface)?,
         Bsdf::Principled(surface) => principled(surface.parameters())?,
         Bsdf::Glossy(glossy) => {
             let (albedo, metallic) = (color(glossy.albedo()), number(glossy.metallic()));
@@ -125,6 +103,36 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
     }
     if let Some(opacity) = material.opacity {
         let _ = writeln!(text, "opacity = {}", number(opacity));
+    }
+    Ok(text)
+}
+
+/// The keys of a metal.
+fn conductor(metal: &Conductor) -> String {
+    let look = reflectance(metal.reflectance());
+    let single = metal.single().map(|(model, tint)| {
+        let tinted = tint != Rgb::ONE;
+        let tint = if tinted { format!("tint = {}\n", color(tint)) } else { String::new() };
+        format!("{}{tint}", facets(model))
+    });
+    let rough = roughness(metal.alpha());
+    format!("type = \"metal\"\n{look}{rough}{}", single.unwrap_or_default())
+}
+
+/// The keys of a plastic.
+fn plastic(plastic: &Plastic) -> std::result::Result<String, String> {
+    let (albedo, tint, width) = (plastic.albedo(), plastic.tint(), plastic.facets());
+    let mut text = format!("type = \"plastic\"\nalbedo = {}\n", color(albedo));
+    text += &indices(plastic.eta())?;
+    if width.alpha > 0.0 {
+        text += &roughness(width.alpha);
+        text += facets(width.model);
+    }
+    if tint != Rgb::ONE {
+        let _ = writeln!(text, "tint = {}", color(tint));
+    }
+    if plastic.is_nonlinear() {
+        text += "nonlinear = true\n";
     }
     Ok(text)
 }

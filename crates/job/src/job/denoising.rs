@@ -9,7 +9,7 @@ use bdpm_auto::adaptive::stopping::Stop;
 use bdpm_core::base::error::Result;
 use bdpm_core::base::math::Rgb;
 use bdpm_core::film::folds::DENOISE_FOLDS;
-use bdpm_core::noise::bias::UPPER_BOUND;
+use bdpm_core::noise::merge_bias::UPPER_BOUND;
 use bdpm_core::render::Renderer;
 use bdpm_core::render::block::CombinedImage;
 use serde::Serialize;

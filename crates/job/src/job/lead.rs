@@ -2,8 +2,10 @@
 
 use super::audit::{Audit, AuditPace};
 use super::leader::Leader;
+use super::run_clock::RunClock;
 use super::shard::ShardIterations;
-use super::state::{Exchanged, RenderState, RunClock, Status, Totals};
+use super::state::RenderState;
+use super::status::{Exchanged, Status, Totals};
 use super::{Denoising, Event, Prepared, RenderJob, RenderResult, Start};
 use super::{check_time, iterate, near_layers, pilot_end};
 use crate::mpi::Ranks;

@@ -2,7 +2,8 @@
 //! exchange of the sums takes a hundredth of the time.
 
 use super::audit::{Audit, AuditPace};
-use super::state::{RenderState, Totals};
+use super::state::RenderState;
+use super::status::Totals;
 use crate::mpi;
 use crate::mpi::{Exchange, Ranks};
 use bdpm_auto::adaptive::stopping::Stop;

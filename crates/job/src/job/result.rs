@@ -17,7 +17,7 @@ use bdpm_core::image_io::{Image, Layer, Value};
 use bdpm_core::noise::Measure;
 use bdpm_core::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH};
 use bdpm_core::noise::image::NoiseImage;
-use bdpm_core::render::bias::MergeBias;
+use bdpm_core::render::bias_over_noise::BiasOverNoise;
 use bdpm_core::render::block::Block;
 use serde::Serialize;
 use std::time::Duration;
@@ -36,7 +36,7 @@ pub struct RenderResult {
     /// RMS of the noise as luminance, W/(m^2 sr), pooled over all pixels, and its standard error.
     pub rms: Option<(f64, f64)>,
     /// Merge bias, estimated from nested radii; `None` if the image is corrected.
-    pub merge_bias: Option<MergeBias>,
+    pub merge_bias: Option<BiasOverNoise>,
     /// Comparison of the image with its audit, if it was audited.
     pub audit: Option<AuditReport>,
     /// Path counts, number and weight of all iterations. A job with this plan and seed renders the
@@ -71,7 +71,7 @@ struct Summary {
     error: Option<RelativeError>,
     denoised: Option<DenoisedReport>,
     rms: Option<(f64, f64)>,
-    merge_bias: Option<MergeBias>,
+    merge_bias: Option<BiasOverNoise>,
 }
 
 impl Summary {
@@ -83,7 +83,7 @@ impl Summary {
         });
         // A corrected image has no bias left that exceeds the noise.
         let merge_bias = match image.bias_correction() {
-            None => MergeBias::new(state.renderer.blocks(), &image),
+            None => BiasOverNoise::new(state.renderer.blocks(), &image),
             Some(_) => None,
         };
         let objective = state.stop.objective;

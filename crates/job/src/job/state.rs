@@ -2,25 +2,24 @@
 
 use super::audit::Audit;
 use super::denoising::Denoising;
+use super::run_clock::{RunClock, has_time};
+use super::status::{Exchanged, NoiseAt, Status, TimeForecast, Totals};
 use super::step::{PlantedFailure, Step, attempt};
 use crate::output::checkpoint::{Checkpoint, ShardedImage};
 use crate::output::denoise::{Denoised, ErrorSummary};
 use bdpm_auto::adaptive::autopilot::Promise;
 use bdpm_auto::adaptive::count_policy::CountPolicy;
-use bdpm_auto::adaptive::stopping::{Convergence, Forecast, Stop, StoppedBy, importance};
+use bdpm_auto::adaptive::stopping::{Convergence, Stop, StoppedBy, importance};
 use bdpm_auto::adaptive::technique::{Revision, Selection};
 use bdpm_core::base::error::{Error, Result};
-use bdpm_core::film::PhaseTimes;
 use bdpm_core::film::cells::CellGrid;
+use bdpm_core::render::Renderer;
 use bdpm_core::render::block::{Block, CombinedImage};
 use bdpm_core::render::combined_image::DerivedStatistics;
-use bdpm_core::render::{IterationReport, Renderer};
 use bdpm_core::scene::{Camera, Region};
 use bdpm_core::settings::provenance::Provenance;
 use rayon::ThreadPool;
-use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
-use std::mem;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -39,6 +38,9 @@ const ESTIMATE_COST: f64 = 0.05;
 
 /// Maximum share for large images, whose pixels share statistics.
 const LARGE_ESTIMATE_COST: f64 = 0.02;
+
+/// Estimates of the noise that take as long as the result at the end.
+const RESULT_ESTIMATES: f64 = 2.0;
 
 /// The image of a job, its progress and its statistics, during and after the render.
 pub struct RenderState {
@@ -96,161 +98,6 @@ pub(super) struct Latest {
     iterations: u64,
     weights: Vec<f64>,
     derived: DerivedStatistics,
-}
-
-/// Times of a run and their forecasts.
-pub(super) struct RunClock {
-    /// Start of the job, before the pilot.
-    start: Instant,
-    first_iteration: Instant,
-    min_iterations: u64,
-    /// Forecasts at times that grow by 2 %.
-    forecasts: Vec<TimeForecast>,
-    /// Time of the latest estimate of the noise, seconds, and its duration.
-    last_estimate: f64,
-    estimate_time: f64,
-    /// Time that the stop conditions leave out for the caller's work at the end.
-    reserve: Duration,
-}
-
-/// Estimates of the noise that take as long as the result at the end.
-const RESULT_ESTIMATES: f64 = 2.0;
-
-impl RunClock {
-    /// A clock for a run that started at `start` and renders its first iteration now. The stop
-    /// conditions leave out `reserve` for the caller.
-    pub fn new(start: Instant, min_iterations: u64, reserve: Duration) -> Self {
-        Self {
-            start,
-            first_iteration: Instant::now(),
-            min_iterations,
-            forecasts: Vec::new(),
-            last_estimate: 0.0,
-            estimate_time: 0.0,
-            reserve,
-        }
-    }
-
-    /// Time since the first iteration, seconds.
-    pub fn rendering_time(&self) -> f64 {
-        self.first_iteration.elapsed().as_secs_f64()
-    }
-
-    /// Leaves out `reserve` of the time instead of the present reserve, and returns the new `end`
-    /// of the iterations.
-    fn replace_reserve(&mut self, end: Duration, reserve: Duration) -> Duration {
-        let all = end + mem::replace(&mut self.reserve, reserve);
-        all.saturating_sub(reserve)
-    }
-}
-
-/// Progress of an image after an iteration.
-#[derive(Clone, Debug, Default)]
-pub struct Status {
-    /// Iterations of the image.
-    pub iterations: u64,
-    /// Latest estimate of noise and bias.
-    pub convergence: Option<Convergence>,
-    /// Forecast of noise and time at the end, once it is known.
-    pub forecast: Option<Forecast>,
-}
-
-impl Status {
-    /// The remaining seconds, if they are known, and the share of the work that is done after
-    /// `elapsed` seconds.
-    pub fn time_left(&self, stop: &Stop, elapsed: f64) -> (Option<f64>, f64) {
-        let of_time = |time: Duration| elapsed / time.as_secs_f64().max(1e-9);
-        let left = self.forecast.map(|forecast| forecast.seconds).or_else(|| {
-            let rest = |time: Duration| (time.as_secs_f64() - elapsed).max(0.0);
-            stop.time.filter(|_| stop.target.is_none() && stop.error.is_none()).map(rest)
-        });
-        let fraction = match (left, stop.iterations) {
-            (_, Some(n)) => self.iterations as f64 / n as f64,
-            (Some(left), None) => elapsed / (elapsed + left).max(1e-9),
-            (None, None) => stop.time.map_or(0.0, of_time),
-        };
-        (left, fraction)
-    }
-}
-
-/// Work of a run, of all its processes.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Totals {
-    /// Iterations of this run.
-    pub iterations: u64,
-    /// Rays of this run.
-    pub rays: u64,
-    /// Photons of this run.
-    pub photons: u64,
-    /// Pixel values that were not finite and were left out.
-    pub non_finite: u64,
-    /// Busy thread time of the phases, and wall-clock time.
-    pub times: PhaseTimes,
-}
-
-/// A forecast of this run's rendering time.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct TimeForecast {
-    /// Rendering time when it was made, seconds.
-    pub said_after: f64,
-    /// Forecast of the whole rendering time, seconds.
-    pub seconds: f64,
-    /// The time that rendering took in the end, seconds.
-    pub took: f64,
-}
-
-/// Noise of the image at a time.
-#[derive(Clone, Copy, Debug)]
-pub struct NoiseAt {
-    /// Rendering time of this run, seconds.
-    pub seconds: f64,
-    /// Variance relative to the squared luminance of each pixel or of the mean, by the objective.
-    pub noise2: f64,
-}
-
-/// Exchange between several processes.
-#[derive(Clone, Copy, Debug)]
-pub struct Exchanged {
-    /// Number of processes.
-    pub ranks: u32,
-    /// Time until the other processes were done.
-    pub waiting: Duration,
-    /// Time until their sums were added.
-    pub adding: Duration,
-    /// Bytes that rank 0 received.
-    pub bytes: u64,
-}
-
-impl Exchanged {
-    /// Nothing exchanged yet.
-    pub(super) fn new(ranks: u32) -> Self {
-        Self { ranks, waiting: Duration::ZERO, adding: Duration::ZERO, bytes: 0 }
-    }
-}
-
-impl Totals {
-    /// Adds an iteration.
-    pub fn add(&mut self, report: &IterationReport) {
-        self.iterations += 1;
-        self.rays += report.rays;
-        self.photons += report.photons as u64;
-        self.non_finite += report.non_finite.len() as u64;
-        self.times += report.times;
-    }
-
-    /// Adds the work of another process.
-    pub fn join(&mut self, other: &Self) {
-        self.iterations += other.iterations;
-        self.rays += other.rays;
-        self.photons += other.photons;
-        self.non_finite += other.non_finite;
-        self.times += other.times;
-    }
-
-    /// Rays per second of wall-clock time.
-    pub fn rays_per_second(&self) -> f64 {
-        self.rays as f64 / self.times.wall.as_secs_f64().max(1e-9)
-    }
 }
 
 impl RenderState {
@@ -503,42 +350,10 @@ impl RenderState {
     }
 }
 
-/// Whether to render another iteration that takes about `next` seconds if `left` seconds are left:
-/// at least half of it must be within the time.
-// theory.md (92)
-fn has_time(left: f64, next: f64) -> bool {
-    0.5 * next <= left
-}
-
 /// The block with the most measured iterations, if they suffice to estimate its noise.
 pub fn best_measured(blocks: &[Block]) -> Option<&Block> {
     let measured =
         |block: &Block| block.statistics.noise.as_ref().map_or(0, |noise| noise.iterations);
     let best = blocks.iter().max_by_key(|block| measured(block));
     best.filter(|block| measured(block) >= 2)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn iteration_starts_only_if_half_of_it_is_within_the_time() {
-        for (left, next, starts) in
-            [(3.0, 2.0, true), (1.0, 2.0, true), (0.9, 2.0, false), (-1.0, 0.5, false)]
-        {
-            assert_eq!(has_time(left, next), starts, "{left} {next}");
-        }
-    }
-
-    #[test]
-    fn measured_reserve_replaces_the_assumed_one() {
-        // 30 s with 4 s assumed for files; then measured as 6 s, as 1 s, and as more than all.
-        let mut clock = RunClock::new(Instant::now(), 1, Duration::from_secs(4));
-        let mut end = Duration::from_secs(26);
-        for (measured, expected) in [(6, 24), (1, 29), (40, 0)] {
-            end = clock.replace_reserve(end, Duration::from_secs(measured));
-            assert_eq!(end, Duration::from_secs(expected));
-        }
-    }
 }

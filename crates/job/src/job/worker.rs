@@ -3,7 +3,7 @@
 use super::Prepared;
 use super::audit::Audit;
 use super::leader::{Ready, RenderSetup, Round, WorkerResult, render_assigned};
-use super::state::Totals;
+use super::status::Totals;
 use super::step::{PlantedFailure, Step, attempt};
 use crate::mpi::{Exchange, Ranks, encode};
 use bdpm_core::base::error::{Error, Result};

@@ -163,34 +163,7 @@ impl Checkpoint<'static> {
     }
 
     fn decode(bytes: &[u8]) -> Result<Self> {
-        let damaged = || {
-            Error::new(
-                "the checkpoint is damaged: its checksum does not match",
-                "use another copy of it, or start a new image",
-            )
-        };
-        if !bytes.starts_with(&MAGIC) {
-            return Err(Error::new(
-                "this is not a checkpoint",
-                "give a checkpoint that `bdpm render` wrote",
-            ));
-        }
-        if bytes.len() < HEADER + TRAILER {
-            return Err(damaged());
-        }
-        let (hashed, digest) = bytes.split_at(bytes.len() - TRAILER);
-        if xxh3_64(hashed).to_le_bytes() != digest {
-            return Err(damaged());
-        }
-        let (header, payload) = hashed.split_at(HEADER);
-        let format = &header[MAGIC.len()..];
-        if format != FORMAT.to_le_bytes() {
-            let format = format.iter().rev().fold(0u32, |n, &byte| n << 8 | u32::from(byte));
-            return Err(Error::new(
-                format!("the checkpoint has format {format}; this version reads format {FORMAT}"),
-                "continue it with the version of bdpm that wrote it",
-            ));
-        }
+        let payload = payload_of(bytes)?;
         // Below, only a file with a forged checksum fails.
         let (payload, rest): (Payload, _) =
             postcard::take_from_bytes(payload).map_err(|_| damaged())?;
@@ -227,6 +200,41 @@ impl Checkpoint<'static> {
         let blocks = Cow::Owned(blocks);
         Ok(Self { provenance, blocks, shared, autopilot, plan, sharded, regions, audit })
     }
+}
+
+/// The error for a file that is not as it was written.
+fn damaged() -> Error {
+    Error::new(
+        "the checkpoint is damaged: its checksum does not match",
+        "use another copy of it, or start a new image",
+    )
+}
+
+/// The encoded state in the bytes of a file, after the checks of its header and its checksum.
+fn payload_of(bytes: &[u8]) -> Result<&[u8]> {
+    if !bytes.starts_with(&MAGIC) {
+        return Err(Error::new(
+            "this is not a checkpoint",
+            "give a checkpoint that `bdpm render` wrote",
+        ));
+    }
+    if bytes.len() < HEADER + TRAILER {
+        return Err(damaged());
+    }
+    let (hashed, digest) = bytes.split_at(bytes.len() - TRAILER);
+    if xxh3_64(hashed).to_le_bytes() != digest {
+        return Err(damaged());
+    }
+    let (header, payload) = hashed.split_at(HEADER);
+    let format = &header[MAGIC.len()..];
+    if format != FORMAT.to_le_bytes() {
+        let format = format.iter().rev().fold(0u32, |n, &byte| n << 8 | u32::from(byte));
+        return Err(Error::new(
+            format!("the checkpoint has format {format}; this version reads format {FORMAT}"),
+            "continue it with the version of bdpm that wrote it",
+        ));
+    }
+    Ok(payload)
 }
 
 /// Hashes the bytes that are written.
@@ -266,7 +274,7 @@ mod tests {
     use bdpm_core::film::statistic::{CurrentIteration, PixelStatistic, StatisticTile};
     use bdpm_core::noise::film::{BatchGrain, NoiseFilm, PixelMeasurement};
     use bdpm_core::render::RenderConfig;
-    use bdpm_core::settings::{Direct, Kernel, MediumQuery, Settings, Strategy};
+    use bdpm_core::settings::{PartialSettings, Settings};
     use glam::DVec3;
     use std::fs;
 
@@ -283,29 +291,10 @@ mod tests {
     }
 
     fn checkpoint() -> Checkpoint<'static> {
-        let settings = Settings {
-            width: 5,
-            height: 3,
-            crop: None,
-            light_paths: 100,
-            camera_paths: 2,
-            radius: 0.1,
-            caustic_radius: 0.1,
-            medium_scale: 4.0,
-            medium_query: MediumQuery::Points,
-            wavelength_width: 0.06,
-            kernel: Kernel::Area,
-            merge_vertex: 2,
-            strategy: Strategy::Single,
-            direct: Direct::Connect,
-            guide: 0,
-            sobol_set: 1,
-            splitting: 1,
-            light_visibility: 0,
-            bias: bdpm_core::settings::Bias::Keep,
-            seed: u64::MAX,
-            mis_scales: None,
-        };
+        let none = PartialSettings::default();
+        let typical = Settings::resolve(&none, &none, 1.0).unwrap();
+        let settings =
+            Settings { width: 5, height: 3, light_paths: 100, seed: u64::MAX, ..typical };
         let aovs = AovSelection { light: true, features: true, folds: true, halves: false };
         let config = RenderConfig { aovs, ..RenderConfig::default() };
         let request = config.request(&settings);

@@ -2,7 +2,7 @@
 //! to.
 
 use super::{Candidate, End, FreeParameters, Penalties, Technique};
-use crate::adaptive::autopilot::min_iterations_after_choice;
+use crate::adaptive::count_choice::min_iterations_after_choice;
 use crate::adaptive::denoised_noise::left_by_denoiser;
 use crate::adaptive::stopping::{MIN_ITERATIONS_TO_TARGET, MIN_NOISE_SHARE};
 use crate::timing::TimeModel;
@@ -48,7 +48,7 @@ pub struct CandidateCost {
 
 /// Merge bias of a class of photons at one radius, and the noise that correcting it would add.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct MergeBias {
+pub struct ClassBias {
     /// Squared relative bias at the radius.
     pub square: f64,
     /// Standard error of `square`.
@@ -90,7 +90,7 @@ impl CandidateCost {
         &self,
         coefficients: &Coefficients,
         times: &TimeModel,
-        merged: &ByClass<MergeBias>,
+        merged: &ByClass<ClassBias>,
         radii: ByClass<f64>,
     ) -> Best {
         let Coefficients { a, b, f } = coefficients.clamped();
@@ -124,16 +124,7 @@ impl CandidateCost {
                     bias: parts[0].bias + parts[1].bias,
                 }
             };
-            let (seconds, left) = match self.end {
-                End::Time(time) => (time, error_at(tau / time)),
-                End::Error(error) => {
-                    let share = share_for(error * error, &error_at);
-                    let share = share.max(MIN_NOISE_SHARE * error * error / variance);
-                    // theory.md (91)
-                    let seconds = (tau / share).max(MIN_ITERATIONS_TO_TARGET as f64 * tau);
-                    (seconds, error_at(share))
-                }
-            };
+            let (seconds, left) = self.time_and_error(tau, variance, error_at);
             let own = Best {
                 radii,
                 medium_scale: self.medium_scale,
@@ -153,6 +144,26 @@ impl CandidateCost {
         best.expect("there is a step")
     }
 
+    /// Seconds to the end, and the error there, from the time of an iteration and its variance.
+    /// `error_at` is the error after that variance has fallen to a share.
+    fn time_and_error(
+        &self,
+        tau: f64,
+        variance: f64,
+        error_at: impl Fn(f64) -> SquaredError,
+    ) -> (f64, SquaredError) {
+        match self.end {
+            End::Time(time) => (time, error_at(tau / time)),
+            End::Error(error) => {
+                let share = share_for(error * error, &error_at);
+                let share = share.max(MIN_NOISE_SHARE * error * error / variance);
+                // theory.md (91)
+                let seconds = (tau / share).max(MIN_ITERATIONS_TO_TARGET as f64 * tau);
+                (seconds, error_at(share))
+            }
+        }
+    }
+
     /// Coefficients of the noise that counts, from those of the image.
     pub fn noise_that_counts(&self, technique: Technique, noise: Coefficients) -> Coefficients {
         match self.denoises {
@@ -165,7 +176,7 @@ impl CandidateCost {
     /// is that of the contribution of the outer annulus: theory.md (71f).
     fn corrected(
         &self,
-        &MergeBias { square, left, .. }: &MergeBias,
+        &ClassBias { square, left, .. }: &ClassBias,
         variance: f64,
     ) -> SquaredError {
         if !self.corrects_bias {
@@ -263,7 +274,7 @@ impl Best {
 #[cfg(test)]
 pub mod tests {
     use super::*;
-    use crate::adaptive::autopilot::MIN_ITERATIONS_AFTER_CHOICE;
+    use crate::adaptive::count_choice::MIN_ITERATIONS_AFTER_CHOICE;
 
     /// Times of an iteration for the tests of this folder.
     pub fn times() -> TimeModel {
@@ -288,7 +299,7 @@ pub mod tests {
     #[test]
     fn counts_are_the_best_of_all_steps() {
         let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
-        let mut merged = <ByClass<MergeBias>>::default();
+        let mut merged = <ByClass<ClassBias>>::default();
         merged[LAST].square = 1e-5;
         let at = |end| demand(end).evaluate(&coefficients, &times(), &merged, [1.0; 2]);
         let best = at(End::Time(100.0));

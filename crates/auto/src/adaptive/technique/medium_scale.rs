@@ -4,8 +4,8 @@
 //! and time depend on the scale. In the second only merges in media have nested radii, which
 //! measures their bias alone. theory.md (93j)
 
-use super::bias::{Bias, Prior};
-use super::candidate_cost::{Best, CandidateCost, MergeBias};
+use super::bias_law::{BiasLaw, BiasPrior};
+use super::candidate_cost::{Best, CandidateCost, ClassBias};
 use super::model::{ImageScale, Model};
 use super::pilot::{Finalist, Pilot};
 use super::trial::Trial;
@@ -67,14 +67,14 @@ struct ScaleModel {
     /// Camera main effect, relative.
     camera: f64,
     /// Bias of merges in media by their radius.
-    bias: Bias,
+    bias: BiasLaw,
     /// Time per pair.
     merge_pair: Power,
     times: TimeModel,
     /// The larger merge radius at surfaces, scene units.
     reach: f64,
     /// Biases of the classes at the scale of the candidate.
-    merged: ByClass<MergeBias>,
+    merged: ByClass<ClassBias>,
     own_scale: f64,
 }
 
@@ -97,12 +97,13 @@ impl ScaleModel {
         };
         let reach = best.radii[0].max(best.radii[1]);
         let widest = reach * scales[1];
-        let prior = Prior::new(PhotonClass::Diffuse, model.technique, widest / image.image_width());
+        let prior =
+            BiasPrior::new(PhotonClass::Diffuse, model.technique, widest / image.image_width());
         Self {
             pairs: through(-exponent, [small.a + small.f, large.a + large.f]),
             light: through(-exponent, [small.f, large.f]),
             camera: 0.5 * (small.b + large.b),
-            bias: Bias::measured(trials[1], widest, weights, prior),
+            bias: BiasLaw::measured(trials[1], widest, weights, prior),
             merge_pair: through(exponent, trials.map(|trial| trial.times.merge_pair)),
             times: best.times(),
             reach,
@@ -119,12 +120,12 @@ impl ScaleModel {
 
     /// Biases of the classes. That of media is part of both, and the rest does not depend on the
     /// scale.
-    fn merged(&self, scale: f64) -> ByClass<MergeBias> {
+    fn merged(&self, scale: f64) -> ByClass<ClassBias> {
         let in_media = |scale: f64| self.bias.at(self.reach * scale)[0];
         let all: f64 = self.merged.iter().map(|own| own.square).sum();
         let rest = (all - in_media(self.own_scale)).max(0.0);
         let factor = if all > 0.0 { (rest + in_media(scale)) / all } else { 1.0 };
-        self.merged.map(|own| MergeBias {
+        self.merged.map(|own| ClassBias {
             square: factor * own.square,
             error: factor * own.error,
             ..own

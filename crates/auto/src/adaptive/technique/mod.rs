@@ -2,12 +2,12 @@
 //! merge radii.
 //!
 //! A pilot beside the image (`pilot.rs`) tries each strategy on a sample of the pixels
-//! (`trial.rs`): at the radii of the settings, and at a large radius, where the merge bias stands
+//! (`trial_runner.rs`): at the radii of the settings, and at a large radius, where the merge bias stands
 //! out from the noise. From these trials a model predicts noise, bias and time at all radii
-//! (`model.rs`, `bias.rs`). The candidate with the lowest cost (`demand.rs`) is then tried at the
+//! (`model.rs`, `bias_law.rs`). The candidate with the lowest cost (`candidate_cost.rs`) is then tried at the
 //! radii that were chosen for it. See theory.md, section 22a.
 
-mod bias;
+mod bias_law;
 mod candidate_cost;
 mod candidates;
 mod compared_trials;
@@ -16,7 +16,9 @@ mod model;
 mod penalties;
 mod pilot;
 mod revision;
+mod seen_surfaces;
 mod trial;
+mod trial_runner;
 
 pub use penalties::Penalties;
 pub use revision::{Refuted, Revised, Revision, TimeShare};

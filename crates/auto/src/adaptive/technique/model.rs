@@ -7,8 +7,8 @@
 //! own. `b` does not depend on the radii: theory.md (93a).
 
 use super::Technique;
-use super::bias::{Bias, Prior};
-use super::candidate_cost::{Best, CandidateCost, MergeBias};
+use super::bias_law::{BiasLaw, BiasPrior};
+use super::candidate_cost::{Best, CandidateCost, ClassBias};
 use super::trial::Trial;
 use crate::adaptive::stopping::PILOT_SPREAD;
 use crate::timing::TimeModel;
@@ -62,7 +62,7 @@ pub struct Model {
     light: ByClass<f64>,
     /// Camera main effect, relative.
     camera: f64,
-    bias: ByClass<Option<Bias>>,
+    bias: ByClass<Option<BiasLaw>>,
     /// Whether there was a single trial, which cannot separate the two classes of photons.
     is_one_trial: bool,
     /// Radius of a disc of the area that a pixel sees, scene units.
@@ -115,10 +115,10 @@ impl Model {
             // The last trial that measured the bias of this class, or the prior if none did.
             let trial = trials.iter().rfind(|trial| trial.nests == Some(NestedPart::Class(class)));
             let radius = trial.unwrap_or(&trials[0]).radii[class as usize];
-            let prior = Prior::new(class, technique, radius / across);
+            let prior = BiasPrior::new(class, technique, radius / across);
             bias[class as usize] = Some(match trial {
-                Some(trial) => Bias::measured(trial, radius, weights, prior),
-                None => Bias::assumed(radius, prior),
+                Some(trial) => BiasLaw::measured(trial, radius, weights, prior),
+                None => BiasLaw::assumed(radius, prior),
             });
         }
         Self {
@@ -147,16 +147,16 @@ impl Model {
     }
 
     /// Merge bias of both classes of photons at some radii: theory.md (93b), (71f).
-    pub fn merged(&self, radii: ByClass<f64>) -> ByClass<MergeBias> {
+    pub fn merged(&self, radii: ByClass<f64>) -> ByClass<ClassBias> {
         from_fn(|class| {
-            let Some(bias) = self.bias[class] else { return MergeBias::default() };
+            let Some(bias) = self.bias[class] else { return ClassBias::default() };
             let [square, error] = bias.at(radii[class]);
             let (r2, g2) = (radii[class].powi(2), self.footprint.powi(2));
             let pairs = 3.0 * self.pairs[class] / r2;
             let f = self.light[class] * ((0.25 * r2 + g2).recip() - (r2 + g2).recip());
             let f = f.min(pairs);
             let left = left_at_half(self.technique.kernel)[class];
-            MergeBias { square, error, left, outer: Coefficients { a: pairs - f, b: 0.0, f } }
+            ClassBias { square, error, left, outer: Coefficients { a: pairs - f, b: 0.0, f } }
         })
     }
 
@@ -237,10 +237,10 @@ impl Model {
             // theory.md (71f): the annulus holds all of the bias but what is left at half the
             // radius.
             let whole = (1.0 + left[index]).powi(2);
-            let prior = Prior::new(class, self.technique, radii[index] / scale.image_width());
+            let prior = BiasPrior::new(class, self.technique, radii[index] / scale.image_width());
             let prior = prior.with_spread(PILOT_SPREAD);
             let measured = annulus_bias2.map(|own| whole * own);
-            Some(Bias::combined(radii[index], measured, assumed.falls_to, prior))
+            Some(BiasLaw::combined(radii[index], measured, assumed.falls_to, prior))
         };
         let mut all = self.bias;
         for class in [PhotonClass::Caustic, PhotonClass::Diffuse] {
@@ -329,7 +329,7 @@ fn mean_times(trials: &[Trial]) -> TimeModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::adaptive::technique::bias::TYPICAL_FALL;
+    use crate::adaptive::technique::bias_law::TYPICAL_FALL;
     use crate::adaptive::technique::candidate_cost::tests::{demand, times};
     use crate::adaptive::technique::{End, FreeParameters};
     use bdpm_core::settings::{Direct, Kernel, Strategy};
@@ -359,7 +359,7 @@ mod tests {
             splitting: 1,
             medium_query: None,
         };
-        let bias = Bias { radius: 4.0, square: 0.01, error: 0.001, falls_to: TYPICAL_FALL };
+        let bias = BiasLaw { radius: 4.0, square: 0.01, error: 0.001, falls_to: TYPICAL_FALL };
         let mut known = [None; 2];
         known[LAST] = Some(bias);
         let (mut pairs, mut light) = ([0.0; 2], [0.0; 2]);

@@ -10,13 +10,13 @@ use super::model::{ImageMeasurement, ImageScale};
 use super::pilot::Finalist;
 use super::trial::BIAS_TOLERANCE;
 use super::{Candidate, End, Penalties, Selection};
-use crate::adaptive::autopilot::fitted_times;
+use crate::adaptive::count_choice::fitted_times;
 use crate::adaptive::optimize::Objective;
 use crate::adaptive::stopping::importance;
 use crate::timing::TimeModel;
 use bdpm_core::noise::Coefficients;
 use bdpm_core::render::Renderer;
-use bdpm_core::render::bias_correction::annulus_bias2;
+use bdpm_core::render::annulus_moments::annulus_bias2;
 use bdpm_core::render::block;
 use bdpm_core::render::block::{Block, CombinedImage};
 use bdpm_core::settings::Settings;
@@ -97,6 +97,15 @@ impl Revision {
         has_begun && check.is_some_and(|share| done >= share * (done + expected_left))
     }
 
+    /// The demand on a render of this many seconds by all processes. An error stays the same.
+    fn demand_in(&self, seconds: f64) -> CandidateCost {
+        let end = match self.demand.end {
+            End::Time(_) => End::Time(seconds * f64::from(self.demand.ranks)),
+            error => error,
+        };
+        CandidateCost { end, ..self.demand }
+    }
+
     /// The best choice without the technique of the `selection`, which an audit refuted by this
     /// relative difference; `None` if no other was tried.
     pub fn without_refuted(
@@ -106,11 +115,7 @@ impl Revision {
         difference: f64,
     ) -> Option<Selection> {
         let instead_of = *selection.best();
-        let end = match self.demand.end {
-            End::Time(_) => End::Time(time.left.unwrap_or(0.0) * f64::from(self.demand.ranks)),
-            error => error,
-        };
-        let again = CandidateCost { end, ..self.demand };
+        let again = self.demand_in(time.left.unwrap_or(0.0));
         let is_other = |own: &Finalist| own.model.technique != instead_of.technique;
         let rank = |own: &Finalist| {
             let doubt = if own.model.technique.merges() { DOUBT } else { 1.0 };
@@ -141,19 +146,13 @@ impl Revision {
     ) -> Option<Selection> {
         self.checks += 1;
         let measured = measure(renderer, &selection.best().times)?;
-        let ranks = f64::from(self.demand.ranks);
-        let demand_after = |seconds: f64| match self.demand.end {
-            End::Time(_) => End::Time(seconds * ranks),
-            error => error,
-        };
         let TimeShare { done, left } = time;
         let left = left.unwrap_or(0.0);
-        let [whole, again] = [done + left, left]
-            .map(|time| CandidateCost { end: demand_after(time), ..self.demand });
         let present = &self.finalists[0];
         // The image has measured its technique at the radii in media that were chosen for it.
         let medium_scale = present.best.medium_scale;
-        let [whole, again] = [whole, again].map(|cost| CandidateCost { medium_scale, ..cost });
+        let [whole, again] = [done + left, left]
+            .map(|seconds| CandidateCost { medium_scale, ..self.demand_in(seconds) });
         let model = present.model.matched(&measured.image, self.scale);
         let mut same = CandidateCost { requested: measured.image.radii.map(|r| r as f32), ..whole };
         (same.open.radius, same.open.caustic_radius) = (false, false);
@@ -161,7 +160,7 @@ impl Revision {
         // Rendering time that going on would take, or the error it would leave.
         let rank_of_going_on = match self.demand.end {
             End::Time(_) => going_on.rank(&same),
-            End::Error(_) => (going_on.rank(&same) - done * ranks).max(0.0),
+            End::Error(_) => (going_on.rank(&same) - done * f64::from(self.demand.ranks)).max(0.0),
         };
         // The pilot missed light if the image has more noise than it predicted; others may have
         // missed it as well.

@@ -5,7 +5,7 @@ use super::cell_builder::{CellBuilder, CellFrame, GatherFacet, Near, PatchFrame}
 use super::domain::MAX_LEVEL;
 use super::edge_list::{Holed, HoledList, List, ListedTriangle};
 use super::neighbors::{Surroundings, WorkBound};
-use super::patch::Grid;
+use super::patch::PatchGrid;
 use super::polygon::{Polygon, area, clip_to, edges, middle, subtract};
 use super::solids::Plane;
 use super::surfaces::corners;
@@ -53,7 +53,7 @@ pub enum Cell {
     /// Any other surface.
     Holed(Box<HoledList>),
     /// Too much is in reach of a large cell.
-    Split(Box<Grid>),
+    Split(Box<PatchGrid>),
     /// Too much is in reach of a small cell: points are merged within half the radius.
     Crowded,
     /// Too much is in reach even within the smallest radius, of a cell whose own surface has holes:
@@ -88,7 +88,7 @@ impl Cell {
 
 impl CellBuilder<'_> {
     /// Computes one cell of a grid.
-    pub fn build(&self, own: &GatherFacet, grid: &Grid, index: usize) -> Cell {
+    pub fn build(&self, own: &GatherFacet, grid: &PatchGrid, index: usize) -> Cell {
         let place = &self.surfaces.places()[own.place as usize];
         let own_corners = corners(self.surfaces, place, own.triangle);
         let (at, half) = grid.cell(index);

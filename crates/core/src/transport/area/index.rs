@@ -5,7 +5,7 @@ use super::cell_builder::{CellBuilder, GatherFacet};
 use super::disc::half_plane;
 use super::domain::Domain;
 use super::lit_sides::Sides;
-use super::patch::{CellPoint, Grid, Patch};
+use super::patch::{CellPoint, Patch, PatchGrid};
 use super::surfaces::{Surfaces, corners};
 use super::triangle_index::TriangleIndex;
 use crate::simd::dispatch::vectorized;
@@ -289,7 +289,7 @@ impl Areas {
     fn in_grid<const N: usize>(
         &self,
         own: &GatherFacet,
-        grid: &Grid,
+        grid: &PatchGrid,
         local: [f32; 2],
         radii2: &[f32; N],
     ) -> Option<([f32; N], Domain)> {

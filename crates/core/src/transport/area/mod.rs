@@ -25,7 +25,7 @@
 
 pub mod admission;
 mod boundary;
-mod bvh;
+mod box_tree;
 mod cell;
 mod components;
 mod solids;

@@ -20,16 +20,16 @@ pub struct Patch {
     origin: Vec3,
     /// Vectors of coordinates: unit vectors over the radius.
     axes: [Vec3; 2],
-    grid: Grid,
+    grid: PatchGrid,
 }
 
-/// Cells side by side.
+/// The cells of a patch, or into which one of them is split.
 #[derive(Debug)]
-pub struct Grid {
+pub struct PatchGrid {
     low: [f32; 2],
     /// Cells per radius.
     density: [f32; 2],
-    /// IterationSet of the last cells.
+    /// Numbers of the last cells.
     last: [f32; 2],
     columns: u32,
     /// Sides of a cell.
@@ -57,7 +57,7 @@ impl Patch {
         Self {
             origin: frame.origin.as_vec3(),
             axes: [axes[0], axes[1]],
-            grid: Grid::new(low, high, counts.as_uvec2().to_array()),
+            grid: PatchGrid::new(low, high, counts.as_uvec2().to_array()),
         }
     }
 
@@ -70,7 +70,7 @@ impl Patch {
 
     /// The cells of the whole patch.
     #[inline(always)]
-    pub fn grid(&self) -> &Grid {
+    pub fn grid(&self) -> &PatchGrid {
         &self.grid
     }
 
@@ -80,7 +80,7 @@ impl Patch {
     }
 }
 
-impl Grid {
+impl PatchGrid {
     fn new(low: DVec2, high: DVec2, counts: [u32; 2]) -> Self {
         let divisions = DVec2::new(counts[0].into(), counts[1].into());
         let size = (high - low) / divisions;
@@ -110,7 +110,7 @@ impl Grid {
         let mut cell = [0; 2];
         for axis in 0..2 {
             let from = local[axis] - self.low[axis];
-            // IterationSet of cells from their middles.
+            // Numbers of cells from their middles.
             let rounded = (from * self.density[axis] - 0.5).min(self.last[axis]).max(0.0) + ROUND;
             cell[axis] = rounded.to_bits() & 0xffff;
             at[axis] = from - ((rounded - ROUND) + 0.5) * self.size[axis];

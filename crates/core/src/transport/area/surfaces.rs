@@ -1,6 +1,6 @@
 //! The interface through which areas see a scene.
 
-use super::bvh::Box3;
+use super::box_tree::Box3;
 use crate::accel::{Instance, TriangleMesh};
 use glam::{DVec3, Vec3};
 

@@ -1,6 +1,6 @@
 //! Finds the triangles near a box, in all meshes at all their places.
 
-use super::bvh::{Box3, Bvh};
+use super::box_tree::{Box3, BoxTree};
 use super::surfaces::{Surfaces, box_around, corners};
 use crate::accel::{Instance, TriangleMesh};
 use glam::{DAffine3, DVec3, Vec3};
@@ -13,8 +13,8 @@ const TRIANGLES: usize = 4;
 /// Trees over each mesh's triangles, in its own space, and over the places.
 #[derive(Debug)]
 pub struct TriangleIndex {
-    meshes: Vec<Bvh>,
-    places: Bvh,
+    meshes: Vec<BoxTree>,
+    places: BoxTree,
     /// From the scene to the mesh's space, for each place.
     to_mesh: Vec<Option<DAffine3>>,
 }
@@ -26,14 +26,14 @@ impl TriangleIndex {
             let place = Instance { mesh: mesh as u32, to_scene: None };
             let count = own.triangles.len() as u32;
             let around = |triangle| box_around(corners(surfaces, &place, triangle).into_iter());
-            Bvh::new(&(0..count).map(around).collect::<Vec<_>>(), TRIANGLES)
+            BoxTree::new(&(0..count).map(around).collect::<Vec<_>>(), TRIANGLES)
         };
         let meshes: Vec<_> = surfaces.meshes().par_iter().enumerate().map(tree).collect();
         let around = |place: &Instance| {
             let own = meshes[place.mesh as usize].bounds();
             place.to_scene.map_or(own, |to_scene| moved(&own, &to_scene))
         };
-        let places = Bvh::new(&surfaces.places().iter().map(around).collect::<Vec<_>>(), 1);
+        let places = BoxTree::new(&surfaces.places().iter().map(around).collect::<Vec<_>>(), 1);
         let to_mesh = |place: &Instance| place.to_scene.map(|to_scene| to_scene.inverse());
         Self { places, to_mesh: surfaces.places().iter().map(to_mesh).collect(), meshes }
     }
@@ -63,7 +63,7 @@ impl TriangleIndex {
 
     /// Size in bytes.
     pub fn bytes(&self) -> usize {
-        let meshes: usize = self.meshes.iter().map(Bvh::bytes).sum();
+        let meshes: usize = self.meshes.iter().map(BoxTree::bytes).sum();
         meshes + self.places.bytes() + self.to_mesh.capacity() * size_of::<Option<DAffine3>>()
     }
 }

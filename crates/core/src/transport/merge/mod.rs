@@ -7,7 +7,7 @@
 //! only and share all code for a query.
 
 mod crowded;
-mod medium;
+mod medium_merge;
 mod output;
 mod point;
 
@@ -26,7 +26,7 @@ use super::room::Surroundings;
 use crate::base::math::Rgb;
 use crate::simd::eight::{Eight, EightWork, by_eight};
 use crate::simd::{LANES, Mask, Vec3s};
-use medium::MediumMerge;
+use medium_merge::MediumMerge;
 use std::array::from_fn;
 use std::{ops, slice};
 

@@ -5,7 +5,7 @@
 //! Photons of a bucket keep their order, which does not depend on chunks and partitions. Places,
 //! which decide the order of additions, depend on the photons but not on the number of threads.
 
-use super::{Grid, OCTET, Octet, OctetPartials, PhotonMap};
+use super::{OCTET, Octet, OctetPartials, PhotonGrid, PhotonMap};
 use crate::base::math::Rgb;
 use crate::transport::mis::weights::PhotonPartials;
 use crate::transport::photon::{Arrival, Extent, Photon};
@@ -47,7 +47,7 @@ pub struct PhotonChunk {
 
 impl PhotonChunk {
     /// Finds the bucket of each photon, in the original order.
-    fn find_buckets(&mut self, slices: &[&[Photon]], grid: &Grid) {
+    fn find_buckets(&mut self, slices: &[&[Photon]], grid: &PhotonGrid) {
         // No query finds a position that is not finite: any bucket will do.
         let last = grid.buckets() - 1;
         self.unsorted.clear();

@@ -17,7 +17,7 @@ use glam::Vec3A;
 /// query from overlapping, so that no photon is met twice. Photons of other cells in the same
 /// bucket fail the distance test.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Grid {
+pub struct PhotonGrid {
     corner: Vec3A,
     inverse_cell: Vec3A,
     stride_y: u32,
@@ -74,7 +74,7 @@ fn cell_along(position: f32, corner: f32, inverse_cell: f32) -> u32 {
     ((position - corner) * inverse_cell + TO_BITS).to_bits() & (TO_BITS as u32 - 1)
 }
 
-impl Grid {
+impl PhotonGrid {
     /// An array of at most `max_cells` cells, 64 or more, for photons within `bounds`, and the
     /// width of the cells over the [`narrowest`]. The cells are up to 5 % wider than the bound
     /// requires. `None` where bounds or radius are not finite, or too large to count in cells.
@@ -190,10 +190,11 @@ mod tests {
             for radius in [1e-9, 1e-3, 1.0, 1e9] {
                 for most in [64, 1 << 14, 1 << 20] {
                     let bounds = Bounds { min: Vec3::ZERO, max };
-                    let (grid, width) = Grid::array(bounds, radius, most).expect("finite");
+                    let (grid, width) = PhotonGrid::array(bounds, radius, most).expect("finite");
                     assert!(grid.buckets() as usize <= most, "{max} {radius} {most}: {grid:?}");
                     // Cells 5 % and the rounding of their number narrower would be too many.
-                    let (narrower, _) = Grid::array(bounds, radius / 1.2 / width, 1 << 40).unwrap();
+                    let (narrower, _) =
+                        PhotonGrid::array(bounds, radius / 1.2 / width, 1 << 40).unwrap();
                     assert!(
                         width == 1.0 || narrower.buckets() as usize > most,
                         "{max} {radius} {most}"
@@ -203,7 +204,7 @@ mod tests {
         }
         for max in [Vec3::splat(f32::INFINITY), Vec3::new(f32::NAN, 1.0, 1.0)] {
             let bounds = Bounds { min: Vec3::ZERO, max };
-            assert!(Grid::array(bounds, 1.0, 1 << 14).is_none());
+            assert!(PhotonGrid::array(bounds, 1.0, 1 << 14).is_none());
         }
     }
 
@@ -212,8 +213,8 @@ mod tests {
         for bits in 8..=30 {
             let count = (1usize << bits) / BUCKETS_PER_PHOTON;
             let bounds = Bounds { min: Vec3::ZERO, max: Vec3::splat(1.0) };
-            let grid = Grid::hashed(bounds, 1e-5, count);
-            let Grid { stride_y, stride_z, mask, .. } = grid;
+            let grid = PhotonGrid::hashed(bounds, 1e-5, count);
+            let PhotonGrid { stride_y, stride_z, mask, .. } = grid;
             let distance = |step: u32| (step & mask).min(step.wrapping_neg() & mask);
             let steps = [
                 stride_y,

@@ -1,6 +1,6 @@
 //! The choice between an array of cells and hashed cells.
 
-use super::Grid;
+use super::PhotonGrid;
 use crate::base::math::Bounds;
 use crate::transport::photon::Photon;
 
@@ -26,7 +26,7 @@ const MAX_IN_A_CELL: usize = 4096;
 /// Samples of one cell up to which their number may be an accident of sampling.
 const FEW_SAMPLES: usize = 4;
 
-impl Grid {
+impl PhotonGrid {
     /// The grid for `count` photons within `bounds`. Most queries of a `sparse` map do not read
     /// cells.
     ///

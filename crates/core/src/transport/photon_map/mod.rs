@@ -18,7 +18,7 @@ use crate::simd::eight::{Eight, Portable};
 use crate::simd::{LANES, Mask, Vec3s, bits, lanes_of};
 use build::{PhotonChunk, PhotonSlices};
 use glam::{Vec3, Vec3A};
-use grid::{Grid, Rows};
+use grid::{PhotonGrid, Rows};
 use occupancy::Occupancy;
 use octet::{FluxSum, OCTET, Octet, OctetQuery};
 use std::array::from_fn;
@@ -44,7 +44,7 @@ pub struct PhotonMap {
     /// Buffers for sorting, kept for their memory.
     chunks: Vec<PhotonChunk>,
     count: usize,
-    grid: Grid,
+    grid: PhotonGrid,
     /// Most queries find no photon, so that it pays to test `occupancy` first.
     is_sparse: bool,
     occupancy: Occupancy,
@@ -203,7 +203,7 @@ impl PhotonMap {
             if self.is_sparse {
                 self.occupancy.mark(slices.photons, count, radius);
             }
-            self.grid = Grid::choose(slices.photons, bounds, radius, count, self.is_sparse);
+            self.grid = PhotonGrid::choose(slices.photons, bounds, radius, count, self.is_sparse);
             let shortest = (self.grid.buckets() as usize).div_ceil(queries::ZONES);
             self.zone_shift = shortest.next_power_of_two().ilog2();
             self.sort(slices, &extent);

@@ -129,19 +129,7 @@ impl PrimitiveReader<'_> {
         if vertices > u64::from(u32::MAX) {
             return Err(positions.error(format!("there are more than {} vertices", u32::MAX)));
         }
-        let mut triangles = match self.primitive.indices {
-            None => {
-                let corners = (0..topology.count(vertices)).map(|i| topology.corners(i));
-                // Less than the number of vertices, which fits.
-                corners.map(|corners| corners.map(|corner| corner as u32)).collect()
-            }
-            Some(index) => {
-                let element = format!("{}.indices", self.element);
-                let indices = AccessorReader::open(self.buffers, index, "SCALAR", element)?;
-                indices.check_index()?;
-                indexed(topology, &indices, vertices)?
-            }
-        };
+        let mut triangles = self.triangles(topology, vertices)?;
         let used = compact(&mut triangles);
         let normals = self.of_vertices("NORMAL", "VEC3", vertices)?;
         let uvs = request.uv_source.map(|source| {
@@ -179,6 +167,19 @@ impl PrimitiveReader<'_> {
         }
         request.pose.apply(self, &mut mesh, &used)?;
         Ok(mesh)
+    }
+
+    /// The corners of all triangles, of a primitive with this number of vertices.
+    fn triangles(&self, topology: Topology, vertices: u64) -> Result<Vec<[u32; 3]>> {
+        let Some(index) = self.primitive.indices else {
+            let corners = (0..topology.count(vertices)).map(|i| topology.corners(i));
+            // Less than the number of vertices, which fits.
+            return Ok(corners.map(|corners| corners.map(|corner| corner as u32)).collect());
+        };
+        let element = format!("{}.indices", self.element);
+        let indices = AccessorReader::open(self.buffers, index, "SCALAR", element)?;
+        indices.check_index()?;
+        indexed(topology, &indices, vertices)
     }
 
     /// Whether the accessor of colors has an opacity; `None` if there are no colors.

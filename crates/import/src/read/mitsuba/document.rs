@@ -136,79 +136,100 @@ impl XmlDocument {
     ) -> Result<Vec<usize>> {
         let mut all = Vec::new();
         for node in parent.children().filter(Node::is_element) {
-            let start = SourcePosition { source, offset: node.range().start };
-            let tag = modern_name(node.tag_name().name());
-            let here = |document: &Self, problem: String, advice: &str| {
-                document.error_at(start, &format!("<{tag}>"), problem, advice)
-            };
-            if depth >= MAX_DEPTH {
-                let problem = format!("elements are nested more than {MAX_DEPTH} deep");
-                return Err(here(self, problem, "nest them less"));
-            }
-            if self.elements.len() >= MAX_ELEMENTS {
-                let problem = format!("there are more than {MAX_ELEMENTS} elements");
-                return Err(here(self, problem, "split the scene"));
-            }
-            let mut attributes = Vec::new();
-            for attribute in node.attributes() {
-                let value = self
-                    .substituted(attribute.value())
-                    .map_err(|(problem, advice)| here(self, problem, &advice))?;
-                self.substituted += value.len();
-                if self.substituted > MAX_TOTAL {
-                    let problem = format!("its values have over {} MiB so far", MAX_TOTAL >> 20);
-                    return Err(here(self, problem, "use shorter parameters"));
-                }
-                let value = if attribute.name() == "name" { modern_name(&value) } else { value };
-                attributes.push((attribute.name().to_owned(), value));
-            }
-            let (children, used) = (Vec::new(), Cell::new(false));
-            let element = Element { tag: tag.clone(), attributes, children, start, used };
-            let required = |name: &str| {
-                let value = element.attribute(name).map(str::to_owned);
-                value.ok_or_else(|| here(self, format!("it has no `{name}`"), "add it"))
-            };
-            match &element.tag[..] {
-                "default" => {
-                    let (name, value) = (required("name")?, required("value")?);
-                    // This is not the name of a property, which would be modernized.
-                    let name = node.attribute("name").map_or(name, str::to_owned);
-                    if self.defaults.iter().all(|(known, _)| *known != name) {
-                        self.defaults.push((name, value));
-                    }
-                }
-                "path" => {
-                    let folder = self.folders[0].join(required("value")?);
-                    self.folders.push(folder);
-                }
-                "alias" => {
-                    let (id, new) = (required("id")?, required("as")?);
-                    let target = *self.ids.get(&id).ok_or_else(|| {
-                        here(self, format!("nothing has the id `{id}`"), "define it before")
-                    })?;
-                    self.ids.insert(new, target);
-                }
-                "include" => {
-                    all.extend(self.included(&required("filename")?, start, open)?);
-                }
-                _ => {
-                    let index = self.elements.len();
-                    if let Some(id) = element.attribute("id")
-                        && element.tag != "ref"
-                    {
-                        if self.ids.contains_key(id) {
-                            let problem = format!("the id `{id}` is given twice");
-                            return Err(here(self, problem, "rename one of them"));
-                        }
-                        self.ids.insert(id.to_owned(), index);
-                    }
-                    self.elements.push(element);
-                    self.elements[index].children = self.children(node, source, open, depth + 1)?;
-                    all.push(index);
-                }
-            }
+            let element = self.element(node, source, depth)?;
+            self.add(element, node, open, depth, &mut all)?;
         }
         Ok(all)
+    }
+
+    /// An element with its attributes, without its children.
+    fn element(&mut self, node: Node, source: usize, depth: usize) -> Result<Element> {
+        let mut element = Element {
+            tag: modern_name(node.tag_name().name()),
+            attributes: Vec::new(),
+            children: Vec::new(),
+            start: SourcePosition { source, offset: node.range().start },
+            used: Cell::new(false),
+        };
+        if depth >= MAX_DEPTH {
+            let problem = format!("elements are nested more than {MAX_DEPTH} deep");
+            return Err(self.error_in(&element, problem, "nest them less"));
+        }
+        if self.elements.len() >= MAX_ELEMENTS {
+            let problem = format!("there are more than {MAX_ELEMENTS} elements");
+            return Err(self.error_in(&element, problem, "split the scene"));
+        }
+        for attribute in node.attributes() {
+            let value = self
+                .substituted(attribute.value())
+                .map_err(|(problem, advice)| self.error_in(&element, problem, &advice))?;
+            self.substituted += value.len();
+            if self.substituted > MAX_TOTAL {
+                let problem = format!("its values have over {} MiB so far", MAX_TOTAL >> 20);
+                return Err(self.error_in(&element, problem, "use shorter parameters"));
+            }
+            let value = if attribute.name() == "name" { modern_name(&value) } else { value };
+            element.attributes.push((attribute.name().to_owned(), value));
+        }
+        Ok(element)
+    }
+
+    /// Does what an element says, or adds it and its children. `siblings` are those of the same
+    /// parent.
+    fn add(
+        &mut self,
+        element: Element,
+        node: Node,
+        open: &mut Vec<PathBuf>,
+        depth: usize,
+        siblings: &mut Vec<usize>,
+    ) -> Result<()> {
+        let required = |name: &str| {
+            let value = element.attribute(name).map(str::to_owned);
+            value.ok_or_else(|| self.error_in(&element, format!("it has no `{name}`"), "add it"))
+        };
+        match &element.tag[..] {
+            "default" => {
+                let (name, value) = (required("name")?, required("value")?);
+                // This is not the name of a property, which would be modernized.
+                let name = node.attribute("name").map_or(name, str::to_owned);
+                if self.defaults.iter().all(|(known, _)| *known != name) {
+                    self.defaults.push((name, value));
+                }
+            }
+            "path" => {
+                let folder = self.folders[0].join(required("value")?);
+                self.folders.push(folder);
+            }
+            "alias" => {
+                let (id, new) = (required("id")?, required("as")?);
+                let target = *self.ids.get(&id).ok_or_else(|| {
+                    let problem = format!("nothing has the id `{id}`");
+                    self.error_in(&element, problem, "define it before")
+                })?;
+                self.ids.insert(new, target);
+            }
+            "include" => {
+                siblings.extend(self.included(&required("filename")?, element.start, open)?);
+            }
+            _ => {
+                let index = self.elements.len();
+                if let Some(id) = element.attribute("id")
+                    && element.tag != "ref"
+                {
+                    if self.ids.contains_key(id) {
+                        let problem = format!("the id `{id}` is given twice");
+                        return Err(self.error_in(&element, problem, "rename one of them"));
+                    }
+                    self.ids.insert(id.to_owned(), index);
+                }
+                let source = element.start.source;
+                self.elements.push(element);
+                self.elements[index].children = self.children(node, source, open, depth + 1)?;
+                siblings.push(index);
+            }
+        }
+        Ok(())
     }
 
     fn included(
@@ -301,6 +322,11 @@ impl XmlDocument {
     /// A problem with an element.
     pub fn error(&self, index: usize, problem: impl Into<String>, advice: &str) -> Error {
         self.error_at(self.elements[index].start, &self.shown(index), problem.into(), advice)
+    }
+
+    /// A problem of an element.
+    fn error_in(&self, element: &Element, problem: String, advice: &str) -> Error {
+        self.error_at(element.start, &format!("<{}>", element.tag), problem, advice)
     }
 
     fn error_at(&self, start: SourcePosition, shown: &str, problem: String, advice: &str) -> Error {

@@ -30,16 +30,7 @@ impl<'a> MapRecord<'a> {
         };
         let (mut scale, mut offset) = (Vec2::ONE, Vec2::ZERO);
         while let Some((option, rest)) = word(record.name).filter(|(own, _)| own.starts_with('-')) {
-            let (numbers, after) = match option {
-                "-o" | "-s" | "-t" => numbers(rest, 3),
-                "-mm" => numbers(rest, 2),
-                "-bm" | "-boost" | "-texres" => numbers(rest, 1),
-                "-blendu" | "-blendv" | "-cc" | "-clamp" | "-imfchan" | "-type" => {
-                    let Some((_, after)) = word(rest) else { break };
-                    (Vec::new(), after)
-                }
-                _ => break,
-            };
+            let Some((numbers, after)) = values(option, rest) else { break };
             let value = word(rest).map_or("", |(value, _)| value);
             // Numbers that are missing keep their default, as in the specification.
             let vector = |default: Vec2| {
@@ -85,6 +76,20 @@ impl<'a> MapRecord<'a> {
             record.ignored.push("-s");
         }
         record
+    }
+}
+
+/// The numbers of an option and the text after its values; `None` if there is no such option.
+fn values<'a>(option: &str, rest: &'a str) -> Option<(Vec<f32>, &'a str)> {
+    match option {
+        "-o" | "-s" | "-t" => Some(numbers(rest, 3)),
+        "-mm" => Some(numbers(rest, 2)),
+        "-bm" | "-boost" | "-texres" => Some(numbers(rest, 1)),
+        "-blendu" | "-blendv" | "-cc" | "-clamp" | "-imfchan" | "-type" => {
+            let (_, after) = word(rest)?;
+            Some((Vec::new(), after))
+        }
+        _ => None,
     }
 }
 

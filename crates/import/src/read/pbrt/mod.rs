@@ -8,7 +8,7 @@ mod directives;
 mod image_light;
 mod lights;
 mod materials;
-mod media;
+mod named_media;
 mod params;
 mod shapes;
 mod spectra;
@@ -32,7 +32,7 @@ use camera::{CameraSource, FilmSource};
 use glam::{DAffine3, DMat3};
 use lights::back_of;
 use materials::Materials;
-use media::Media;
+use named_media::NamedMedia;
 use params::Params;
 use spectra::ColorSpace;
 use state::GraphicsState;
@@ -52,7 +52,7 @@ pub(super) fn read(path: &Path, options: &ImportOptions) -> Result<Imported> {
         builder: Builder::default(),
         textures: Textures::new(folder),
         materials: Materials::default(),
-        media: Media::default(),
+        media: NamedMedia::default(),
         camera_medium: String::new(),
         material_index: HashMap::new(),
         state: GraphicsState::new(),
@@ -86,7 +86,7 @@ struct SceneReader {
     builder: Builder,
     textures: Textures,
     materials: Materials,
-    media: Media,
+    media: NamedMedia,
     /// Name of the medium around the camera; empty for none.
     camera_medium: String,
     /// Index of a material without emission, mask and media by the number of its look.

@@ -282,23 +282,7 @@ impl Loader<'_> {
             self.polygon(&vertices, index)?;
             let count = self.mesh.triangles.len() - first;
             if names("texcoord") {
-                self.content.store(CORNER * 3 * count)?;
-                let (own, rest) = uvs.as_chunks::<2>();
-                if own.len() != vertices.len() || !rest.is_empty() {
-                    let (has, needs) = (uvs.len(), 2 * vertices.len());
-                    if has != 0 {
-                        let problem =
-                            format!("face {index} has {has} of {needs} texture coordinates");
-                        return Err(self.content.wrong(&problem));
-                    }
-                }
-                let uv = |vertex: u32| {
-                    let corner = vertices.iter().position(|own| *own == vertex);
-                    let own = corner.and_then(|corner| own.get(corner)).copied();
-                    self.wanted.v_direction.upright(own.unwrap_or_default())
-                };
-                let triangles = self.mesh.triangles[first..].iter();
-                self.corners.uvs.extend(triangles.flat_map(|corners| corners.map(uv)));
+                self.corner_uvs(&uvs, &vertices, first, index)?;
             }
             if let Some(channels) = colors {
                 self.content.store(CORNER * count)?;
@@ -309,6 +293,32 @@ impl Loader<'_> {
         if has_pictures {
             self.skipped.push("used one picture for all numbers `texnumber`".to_owned());
         }
+        Ok(())
+    }
+
+    /// Adds the texture coordinates `uvs` of the corners of a face to its triangles, which begin at
+    /// the index `first`.
+    fn corner_uvs(
+        &mut self,
+        uvs: &[f64],
+        vertices: &[u32],
+        first: usize,
+        face: usize,
+    ) -> Result<()> {
+        let triangles = &self.mesh.triangles[first..];
+        self.content.store(CORNER * 3 * triangles.len())?;
+        let (pairs, rest) = uvs.as_chunks::<2>();
+        if !uvs.is_empty() && (pairs.len() != vertices.len() || !rest.is_empty()) {
+            let (has, needs) = (uvs.len(), 2 * vertices.len());
+            let problem = format!("face {face} has {has} of {needs} texture coordinates");
+            return Err(self.content.wrong(&problem));
+        }
+        let uv = |vertex: u32| {
+            let corner = vertices.iter().position(|own| *own == vertex);
+            let pair = corner.and_then(|corner| pairs.get(corner)).copied();
+            self.wanted.v_direction.upright(pair.unwrap_or_default())
+        };
+        self.corners.uvs.extend(triangles.iter().flat_map(|corners| corners.map(uv)));
         Ok(())
     }
 

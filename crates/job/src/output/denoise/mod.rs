@@ -9,6 +9,7 @@ mod cross_validation;
 mod folded_image;
 mod mix;
 mod pooling;
+mod sample;
 mod standard_error;
 mod window;
 #[allow(unsafe_code)] // with a SAFETY argument for each block, as in Embree's layer
@@ -26,6 +27,7 @@ use bdpm_core::film::folds::DENOISE_FOLDS;
 use bdpm_core::film::radiance::{luminance_weights, total};
 use bdpm_core::image_io::Layer;
 use bdpm_core::render::block::CombinedImage;
+use sample::Sample;
 use serde::Serialize;
 
 /// Errors and mixing weights are pooled over this many pixels to each side: squares of 33 by 33.
@@ -153,39 +155,37 @@ pub fn denoise(
             .map_or(1.0, |uncorrected| (mean(noise) / mean(&squared_noise(uncorrected))).max(1.0)),
         None => 1.0,
     };
-    let tiles = validation.tiles.map(|n| sample_tiles(size, noise, n, validation.seed));
-    let of_folds = match &tiles {
-        Some(tiles) => CrossValidation::of_tiles(&folded, tiles, &mut denoiser)?,
-        None => CrossValidation::new(&folded, &mut denoiser)?,
-    };
-    let sampled_weights = tiles
-        .as_ref()
-        .map_or_else(|| weights.clone(), |tiles| weights_of_tiles(tiles, &weights, size.0));
-    let mix = Mix::new(&of_folds, &sampled_weights, tiles.is_none().then_some(size));
-    let estimate = |of_folds: &CrossValidation| {
-        let mut estimate = of_folds.estimate(&sampled_weights);
-        if let Some(tiles) = &tiles {
-            let between = variance_between_tiles(of_folds, tiles, &sampled_weights);
-            estimate.standard_error = estimate.standard_error.hypot(between.sqrt());
-        }
-        estimate
-    };
-    let unmixed = estimate(&of_folds);
-    let raw_squared = of_folds.raw(&sampled_weights);
+    let sample = Sample::new(size, &weights, noise, validation);
+    let of_folds = sample.cross_validation(&folded, &mut denoiser)?;
+    Ok(best_mix(raw, &denoised, &sample, &of_folds, growth))
+}
+
+/// The mix of a raw and a denoised image with the smallest estimated error. `growth` is the factor
+/// by which the correction of the merge bias enlarges squared errors.
+fn best_mix(
+    raw: Vec<Rgb>,
+    denoised: &[Rgb],
+    sample: &Sample,
+    of_folds: &CrossValidation,
+    growth: f64,
+) -> Denoised {
+    let mix = sample.mix(of_folds);
+    let unmixed = sample.estimate(of_folds);
+    let raw_squared = sample.raw(of_folds);
     let mut delivered = of_folds.mixed(&mix);
-    let mut error = estimate(&delivered);
+    let mut error = sample.estimate(&delivered);
     let is_raw = raw_squared <= error.squared;
     if is_raw {
         delivered = of_folds.of_raw();
-        error = SquaredError { squared: raw_squared, ..estimate(&delivered) };
+        error = SquaredError { squared: raw_squared, ..sample.estimate(&delivered) };
     }
-    let raw_share = match (is_raw, &tiles) {
+    let raw_share = match (is_raw, sample.tiles()) {
         (true, _) => vec![1.0; raw.len()],
         (false, Some(_)) => vec![mix.shares[0]; raw.len()],
         (false, None) => mix.shares.clone(),
     };
-    let map = if tiles.is_none() { delivered.map(size) } else { Vec::new() };
-    let image = if is_raw { raw } else { mixed(&raw, &denoised, &raw_share) };
+    let map = sample.map(&delivered);
+    let image = if is_raw { raw } else { mixed(&raw, denoised, &raw_share) };
     let error = DenoisedError {
         whole: ErrorSummary {
             squared: growth * error.squared,
@@ -195,45 +195,13 @@ pub fn denoise(
             raw: growth * raw_squared,
             raw_share: total(&raw_share, |share| f64::from(*share)) / raw_share.len() as f64,
             worse: mix.worse,
-            folds: folded.fold_count(),
-            tiles: tiles.map(|tiles| tiles.len()),
+            folds: of_folds.fold_count(),
+            tiles: sample.tiles(),
         },
         map: map.iter().map(|rms| rms * growth.sqrt() as f32).collect(),
         raw_share,
     };
-    Ok(Denoised { image, error: Some(error), is_raw })
-}
-
-/// Weights of the pixels of the cores, so that weighted means over them are estimates of those over
-/// the whole image.
-fn weights_of_tiles(tiles: &[SampledTile], weights: &[f64], image_width: u32) -> Vec<f64> {
-    let sampled = tiles.iter().map(|tile| tile.core.len()).sum::<usize>();
-    let scale = sampled as f64 / weights.len() as f64;
-    let of_tile = |tile: &SampledTile| {
-        let factor = scale * tile.factor;
-        let pixels = tile.core.indices(image_width);
-        pixels.map(move |index| factor * weights[index]).collect::<Vec<f64>>()
-    };
-    tiles.iter().flat_map(of_tile).collect()
-}
-
-/// Variance of the mean over sampled tiles, by the spread of their terms as if they were drawn
-/// independently. It is too large for a systematic sample.
-fn variance_between_tiles(
-    of_folds: &CrossValidation,
-    tiles: &[SampledTile],
-    weights: &[f64],
-) -> f64 {
-    let (mut start, mut terms) = (0, Vec::new());
-    for tile in tiles {
-        let pixels = start..start + tile.core.len();
-        start = pixels.end;
-        terms.push(pixels.map(|pixel| weights[pixel] * of_folds.squared(pixel)).sum::<f64>());
-    }
-    let n = terms.len() as f64;
-    let mean = terms.iter().sum::<f64>() / n;
-    let spread: f64 = terms.iter().map(|term| (term - mean).powi(2)).sum();
-    if n > 1.0 { spread * n / (n - 1.0) / (weights.len() as f64).powi(2) } else { f64::INFINITY }
+    Denoised { image, error: Some(error), is_raw }
 }
 
 /// Weights of squared errors from the luminance of an image: `1/(L_p^2 + 0.01 mean(L)^2)`.

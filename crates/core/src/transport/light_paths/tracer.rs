@@ -1,239 +1,30 @@
-//! Light phase: traces light paths breadth-first and stores their photons.
+//! Traces a batch of light paths bounce by bounce.
 
-use super::area::Areas;
-use super::free_flight::{MediumVertex, Passed, travel, travel_all};
-use super::mis::Mis;
-use super::mis::photons::LightPartials;
-use super::mis::weights::PhotonPartials;
-use super::path_queue::PathQueue;
-use super::path_state::{History, PathState, PathStates, other_surface};
-use super::photon::{Arrival, Extent, Photon, PhotonClass, PhotonPacket, pack_wavelength};
-use crate::accel::{Coherence, HitPacket, Intersect, Ray};
+use super::photon_list::PhotonList;
+use super::{Batch, LightPass, class_of, survival};
+use crate::accel::{Coherence, HitPacket, Ray};
 use crate::base::math::{Rgb, pack_direction};
-use crate::base::pool::Pool;
-use crate::base::rng::{Stream, StreamKey};
 use crate::scene::bsdf::Lobe;
 use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
-use crate::scene::lights::guide::Guide;
-
-use crate::scene::{Emitter, HitScratch, PrimarySamples, Scene, Surface};
-use crate::settings::{Direct, Settings};
+use crate::scene::{Emitter, HitScratch, Surface};
+use crate::settings::Direct;
 use crate::simd::dispatch::{Simd, vectorized};
-use crate::simd::sobol::ScrambledSobol;
-use crate::simd::{LANES, Mask, Rngs, any, lanes_of};
+use crate::simd::{LANES, Mask, any, lanes_of};
+use crate::transport::free_flight::{MediumVertex, Passed, travel, travel_all};
+use crate::transport::mis::Mis;
+use crate::transport::mis::photons::LightPartials;
+use crate::transport::path_queue::PathQueue;
+use crate::transport::path_state::{History, PathState, PathStates, other_surface};
+use crate::transport::photon::{Arrival, Extent, Photon, PhotonPacket, pack_wavelength};
+use crate::transport::roulette::{leave, survives};
 use glam::Vec3;
-use rayon::prelude::*;
 use std::mem;
 use std::ops::Range;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
-
-/// Light paths per batch. It is fixed, so that results do not depend on the number of threads. As
-/// many fill ray packets, and a batch of them stays in the second-level cache.
-const BATCH: u32 = 1024;
-
-/// Maximum survival probability: paths end even between perfectly white walls.
-pub(super) const MAX_SURVIVAL: f32 = 0.995;
-
-/// The photons of one iteration; buffers are reused by the next.
-#[derive(Default)]
-pub struct LightPaths {
-    batches: Vec<Batch>,
-    tracers: Pool<Tracer>,
-    /// Density of the starts of paths; without it they start in proportion to the lights' power.
-    pub guide: Option<Arc<Guide>>,
-    /// Distinguishes the sides of surfaces, for merges by area.
-    pub areas: Option<Arc<Areas>>,
-    /// Leaves out paths once it is true.
-    pub interrupt: Option<Arc<AtomicBool>>,
-    /// Keeps only paths that no camera path finds: from lights that no ray can hit, whose first
-    /// vertex takes a single direction. Direct light must be connected.
-    pub unfindable_only: bool,
-}
-
-impl LightPaths {
-    /// Traces `light_paths` paths of `iteration`.
-    ///
-    /// # Panics
-    /// If the scene has no lights.
-    pub fn trace(
-        &mut self,
-        scene: &Scene,
-        accel: &dyn Intersect,
-        settings: &Settings,
-        light_paths: u32,
-        iteration: u64,
-    ) {
-        let key = StreamKey::new(settings.seed, Stream::LightPath, iteration);
-        let count = light_paths.div_ceil(BATCH);
-        self.batches.resize_with(count as usize, Batch::default);
-        let Self { batches, tracers, guide, areas, interrupt, unfindable_only } = self;
-        let unfindable_only = *unfindable_only;
-        let (guide, areas) = (guide.as_deref(), areas.as_deref());
-        let sets = StreamKey::new(settings.seed, Stream::LightPathSet, iteration);
-        let splitting = settings.splitting as f32;
-        let pass = LightPass {
-            scene,
-            accel,
-            settings,
-            guide,
-            areas,
-            key,
-            sets,
-            splitting,
-            unfindable_only,
-        };
-        let batches = batches.par_iter_mut().zip(0..count);
-        batches.for_each_init(
-            || tracers.lease(),
-            |tracer, (batch, index)| {
-                let first = index * BATCH;
-                let is_over = interrupt.as_ref().is_some_and(|own| own.load(Ordering::Relaxed));
-                let count = if is_over { 0 } else { BATCH.min(light_paths - first) };
-                tracer.trace(&pass, first..first + count, batch);
-            },
-        );
-    }
-
-    /// All photons in slices of consecutive paths. The photons of a slice are ordered bounce by
-    /// bounce.
-    pub fn photons(&self) -> impl Iterator<Item = &[Photon]> + Clone {
-        self.batches.iter().map(|batch| batch.photons.as_slice())
-    }
-
-    /// All photons in media, in slices of consecutive paths.
-    pub fn medium_photons(&self) -> impl Iterator<Item = &[Photon]> + Clone {
-        self.batches.iter().map(|batch| batch.medium_photons.as_slice())
-    }
-
-    /// MIS partials of all photons in the same slices, which are empty without MIS.
-    pub fn mis_partials(&self) -> impl Iterator<Item = &[PhotonPartials]> + Clone {
-        self.batches.iter().map(|batch| batch.mis_partials.as_slice())
-    }
-
-    /// Bounds and number of all photons.
-    pub fn extent(&self) -> Extent {
-        self.batches.iter().map(|batch| batch.extent).fold(Extent::default(), Extent::and)
-    }
-
-    /// Number of photons.
-    pub fn len(&self) -> usize {
-        self.extent().count
-    }
-
-    /// Tests whether no path left a photon.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Time that all threads together spent on tracing.
-    pub fn busy_time(&self) -> Duration {
-        self.batches.iter().map(|batch| batch.busy).sum()
-    }
-
-    /// Number of rays traced.
-    pub fn rays(&self) -> u64 {
-        self.batches.iter().map(|batch| batch.rays).sum()
-    }
-}
-
-/// Settings that all light paths of an iteration share.
-struct LightPass<'a> {
-    scene: &'a Scene,
-    accel: &'a dyn Intersect,
-    settings: &'a Settings,
-    guide: Option<&'a Guide>,
-    areas: Option<&'a Areas>,
-    /// Random streams of the light paths. The upper half of an index numbers their continuations
-    /// where they split.
-    key: StreamKey,
-    /// Random streams of their sets.
-    sets: StreamKey,
-    /// Factor on the number of continuations at the first diffuse vertex.
-    splitting: f32,
-    /// See [`LightPaths::unfindable_only`].
-    unfindable_only: bool,
-}
-
-impl LightPass<'_> {
-    /// Numbers that start the sixteen light paths from `first`, a multiple of sixteen.
-    #[inline(always)] // part of the loop over light paths
-    fn starts(&self, first: u32, rngs: &mut Rngs) -> PrimarySamples {
-        let size = self.settings.sobol_set;
-        if size == 1 {
-            return PrimarySamples::independent(rngs);
-        }
-        let set = ScrambledSobol::new(self.sets.rng(u64::from(first / size)));
-        PrimarySamples::of_points(&set.points(first % size), rngs)
-    }
-
-    /// The independent sample that a light path belongs to: its set of Sobol points.
-    #[inline(always)]
-    fn sample_of(&self, path: u32) -> u32 {
-        path >> self.settings.sobol_set.trailing_zeros()
-    }
-}
-
-/// Photons of consecutive paths.
-#[derive(Debug, Default)]
-struct Batch {
-    /// Ordered bounce by bounce.
-    photons: PhotonList,
-    /// Photons where media scattered the paths.
-    medium_photons: PhotonList,
-    /// MIS partials of the photons; empty without MIS.
-    mis_partials: Vec<PhotonPartials>,
-    extent: Extent,
-    rays: u64,
-    busy: Duration,
-}
-
-/// Photons by which a full [`PhotonList`] grows.
-const STEP: usize = 256;
-
-/// A list to which photons are added sixteen at a time.
-#[derive(Debug, Default)]
-struct PhotonList {
-    /// The first `count` are valid.
-    buffer: Vec<Photon>,
-    count: usize,
-}
-
-impl PhotonList {
-    fn clear(&mut self) {
-        self.count = 0;
-    }
-
-    fn as_slice(&self) -> &[Photon] {
-        &self.buffer[..self.count]
-    }
-
-    /// Space for the photons of sixteen paths; [`Self::commit`] adds those that were written.
-    #[inline(always)]
-    fn space(&mut self) -> &mut [Photon; LANES] {
-        let end = self.count + LANES;
-        if self.buffer.len() < end {
-            self.buffer.resize(end.next_multiple_of(STEP), Photon::default());
-        }
-        self.buffer[self.count..].first_chunk_mut().expect("there is room")
-    }
-
-    /// Adds the first `count` photons that were written to [`Self::space`].
-    #[inline(always)]
-    fn commit(&mut self, count: usize) {
-        self.count += count;
-    }
-
-    fn push(&mut self, photon: Photon) {
-        self.space()[0] = photon;
-        self.commit(1);
-    }
-}
+use std::time::Instant;
 
 /// A reusable workspace that traces one batch after another.
 #[derive(Debug, Default)]
-struct Tracer {
+pub(super) struct Tracer {
     segments: PathQueue<PathStates, 16>,
     /// The segments of the next bounce, in the order in which they are found.
     next: PathQueue<PathStates, 16>,
@@ -251,7 +42,7 @@ struct Tracer {
 }
 
 impl Tracer {
-    fn trace(&mut self, pass: &LightPass, paths: Range<u32>, batch: &mut Batch) {
+    pub fn trace(&mut self, pass: &LightPass, paths: Range<u32>, batch: &mut Batch) {
         let start = Instant::now();
         mem::swap(&mut self.photons, &mut batch.photons);
         mem::swap(&mut self.medium_photons, &mut batch.medium_photons);
@@ -378,23 +169,16 @@ impl Tracer {
             Passed::Boundary(ray) => return self.next.push_state(&ray, &state),
             Passed::Scattered(vertex) => vertex,
         };
-        if pass.unfindable_only && state.history.is_start() {
+        if pass.leaves_out(state.history) {
             return;
         }
-        if self.stores_direct || !state.history.is_start() {
-            let (path, class) = (pass.sample_of(state.path), class_of(state.history));
+        if self.stores(state.history) {
             // theory.md (37g)
-            let photon = Photon::new(position, path, state.weight * weight, Vec3::ZERO, class);
-            let mut photon = photon.coming_from(-direction);
-            if self.stores_wavelengths {
-                photon.from = pack_wavelength(photon.from, state.history.wavelength_index());
-            }
+            let (at, flux) = ((position, Vec3::ZERO), state.weight * weight);
+            let photon = self.photon(pass, &state, at, flux, Some(-direction));
             self.medium_photons.push(photon);
         }
-        let weight = weight * medium.scattering;
-        let survival = survival(weight);
-        if state.rng.next_1d() < survival {
-            state.weight *= weight / survival;
+        if survives(weight * medium.scattering, &mut state) {
             state.history = state.history.scattered();
             let next = medium.scatter(direction, &mut state.rng);
             self.next.push_state(&Ray::new(position, next), &state);
@@ -413,7 +197,7 @@ impl Tracer {
         let (mut stored, mut arrival, mut from) = (Mask::default(), [0; LANES], [0; LANES]);
         for lane in 0..LANES {
             let history = states.history[lane];
-            stored[lane] = at.active[lane] & (self.stores_direct | !history.is_start());
+            stored[lane] = at.active[lane] & self.stores(history);
             arrival[lane] = Arrival::new(at.normal.get(lane), class_of(history) as u32).0;
         }
         if !any(&stored) {
@@ -470,7 +254,7 @@ impl Tracer {
             let is_first = states.history[lane].diffuse() == 0;
             expected[lane] = survival(albedo) * if is_first { pass.splitting } else { 1.0 };
             goes_on[lane] = at.active[lane] & (ends[lane] < expected[lane]);
-            goes_on[lane] &= !(pass.unfindable_only & states.history[lane].is_start());
+            goes_on[lane] &= !pass.leaves_out(states.history[lane]);
             // theory.md (38)
             states.weight.set(lane, flux * (albedo / expected[lane]));
             states.history[lane] = states.history[lane].scattered();
@@ -522,21 +306,16 @@ impl Tracer {
     ) -> Option<(Ray, PathState)> {
         let lights = pass.scene.lights();
         let Surface { position, normal, wo, .. } = *surface;
-        if surface.bsdf.merges() && (self.stores_direct || !state.history.is_start()) {
+        if surface.bsdf.merges() && self.stores(state.history) {
             self.partials.store(&state);
-            let class = class_of(state.history);
             let TriangleSide { mesh, side } = surface.facet;
             let tag = pass.areas.map_or(0, |areas| areas.side_tag(mesh, side));
-            let path = pass.sample_of(state.path);
-            let photon = Photon::new(position, path, state.weight, normal, class).on_side(tag);
-            let mut photon = if self.stores_directions { photon.coming_from(wo) } else { photon };
-            if self.stores_wavelengths {
-                photon.from = pack_wavelength(photon.from, state.history.wavelength_index());
-            }
-            self.photons.push(photon);
+            let from = self.stores_directions.then_some(wo);
+            let photon = self.photon(pass, &state, (position, normal), state.weight, from);
+            self.photons.push(photon.on_side(tag));
         }
         let sample = surface.scatter_flux(&mut state.rng)?;
-        if pass.unfindable_only && state.history.is_start() && sample.lobe != Lobe::Delta {
+        if pass.leaves_out(state.history) && sample.lobe != Lobe::Delta {
             return None;
         }
         self.partials.scatter(lights, surface, origin, &state, &sample);
@@ -545,25 +324,31 @@ impl Tracer {
         } else {
             state.history.scattered()
         };
-        let survival = survival(sample.weight);
-        if state.rng.next_1d() >= survival {
-            return None;
-        }
-        // theory.md (38)
-        state.weight *= sample.weight / survival;
-        state.history = state.history.leaving(pass.scene, surface, sample.wi);
-        Some((Ray::new(surface.start(sample.wi), sample.wi), state))
+        leave(pass.scene, surface, &sample, state)
     }
-}
 
-/// Class of the next photon of a path: theory.md, section 4.
-#[inline(always)] // part of vector loops, as the function below
-pub(super) fn class_of(history: History) -> PhotonClass {
-    if history.diffuse() == 0 { PhotonClass::Caustic } else { PhotonClass::Diffuse }
-}
+    /// Tests whether a path leaves a photon at its next vertex where photons are merged.
+    #[inline(always)] // part of vector loops
+    fn stores(&self, history: History) -> bool {
+        self.stores_direct | !history.is_start()
+    }
 
-/// Survival probability at a vertex that multiplies the flux by `weight`: theory.md (39).
-#[inline(always)]
-pub(super) fn survival(weight: Rgb) -> f32 {
-    weight.max_element().min(MAX_SURVIVAL)
+    /// The photon of a single path at a position and normal, which is zero in media. It keeps the
+    /// direction `from` which it comes, if there is one.
+    fn photon(
+        &self,
+        pass: &LightPass,
+        state: &PathState,
+        (position, normal): (Vec3, Vec3),
+        flux: Rgb,
+        from: Option<Vec3>,
+    ) -> Photon {
+        let (path, class) = (pass.sample_of(state.path), class_of(state.history));
+        let photon = Photon::new(position, path, flux, normal, class);
+        let mut photon = from.map_or(photon, |from| photon.coming_from(from));
+        if self.stores_wavelengths {
+            photon.from = pack_wavelength(photon.from, state.history.wavelength_index());
+        }
+        photon
+    }
 }

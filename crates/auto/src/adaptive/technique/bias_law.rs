@@ -2,8 +2,8 @@
 
 use super::Technique;
 use super::trial::Trial;
-use bdpm_core::noise::bias::weighted_square;
 use bdpm_core::noise::image::Statistic;
+use bdpm_core::noise::merge_bias::weighted_square;
 use bdpm_core::settings::{Direct, Kernel};
 use bdpm_core::transport::photon::PhotonClass;
 
@@ -47,7 +47,7 @@ const DISC_FALL: f64 = 0.8409;
 
 /// Squared relative bias at one radius, and how it falls with the radius.
 #[derive(Clone, Copy, Debug)]
-pub struct Bias {
+pub struct BiasLaw {
     /// Scene units.
     pub radius: f64,
     /// Squared relative bias at `radius`.
@@ -60,7 +60,7 @@ pub struct Bias {
 
 /// Prior of a squared relative bias, before anything is measured.
 #[derive(Clone, Copy, Debug)]
-pub struct Prior {
+pub struct BiasPrior {
     square: f64,
     /// Standard deviation of `square`.
     spread: f64,
@@ -69,7 +69,7 @@ pub struct Prior {
     minimum: f64,
 }
 
-impl Prior {
+impl BiasPrior {
     /// Prior at a radius that is given in widths of what the image shows.
     pub fn new(class: PhotonClass, technique: Technique, radius: f64) -> Self {
         let disc = technique.kernel == Kernel::Disc;
@@ -91,15 +91,20 @@ impl Prior {
     }
 }
 
-impl Bias {
+impl BiasLaw {
     /// Combines a trial at `radius` with the prior: theory.md (93d).
-    pub fn measured(trial: &Trial, radius: f64, weights: &[f64], prior: Prior) -> Self {
+    pub fn measured(trial: &Trial, radius: f64, weights: &[f64], prior: BiasPrior) -> Self {
         let (Statistic { value, error, .. }, falls_to) = weighted_square(&trial.noise, weights);
         Self::combined(radius, [value, error], falls_to, prior)
     }
 
     /// Combines a measured square and its standard error with the prior: theory.md (93d).
-    pub fn combined(radius: f64, [value, error]: [f64; 2], falls_to: f64, prior: Prior) -> Self {
+    pub fn combined(
+        radius: f64,
+        [value, error]: [f64; 2],
+        falls_to: f64,
+        prior: BiasPrior,
+    ) -> Self {
         let spread = prior.spread;
         let certainty = spread.powi(2) / (spread.powi(2) + error * error);
         let mixed = |measured: f64, prior: f64| certainty * measured + (1.0 - certainty) * prior;
@@ -112,7 +117,7 @@ impl Bias {
     }
 
     /// The prior alone, where no trial has measured the bias of this class.
-    pub fn assumed(radius: f64, Prior { square, spread, falls_to, .. }: Prior) -> Self {
+    pub fn assumed(radius: f64, BiasPrior { square, spread, falls_to, .. }: BiasPrior) -> Self {
         Self { radius, square, error: spread, falls_to }
     }
 

@@ -37,7 +37,7 @@ pub struct MergeBias {
 }
 
 /// Means over a region: of the first nested difference, and of the products `S_11` and `S_12`.
-pub type Products = [f64; 3];
+type Products = [f64; 3];
 
 impl MergeBias {
     /// Merge bias over the pixels `region`.
@@ -76,9 +76,25 @@ pub fn weighted_square(noise: &NoiseImage, weights: &[f64]) -> (Statistic, f64) 
     (products.statistic(|all| square(&all)), falls_to(&products.all))
 }
 
+/// Share of the bias that is left at `1/sqrt(2)` of the radius, from the sums of both nested
+/// differences of each tile and batch.
+// theory.md (69), (70)
+pub fn share_left(tiles: &[[[f64; 2]; BATCHES]]) -> f64 {
+    let mut all = [0.0; 3];
+    for batches in tiles {
+        let total = [0, 1].map(|a| batches.iter().map(|d| d[a]).sum::<f64>());
+        all[0] += total[0];
+        for b in 0..2 {
+            let squares: f64 = batches.iter().map(|d| d[0] * d[b]).sum();
+            all[1 + b] += total[0] * total[b] - squares;
+        }
+    }
+    falls_to(&all)
+}
+
 /// Share of the bias that is left at `1/sqrt(2)` of the radius.
 // theory.md (70)
-pub fn falls_to(&[_, s_11, s_12]: &Products) -> f64 {
+fn falls_to(&[_, s_11, s_12]: &Products) -> f64 {
     let [least, most] = REMAINING;
     if s_11 > 0.0 { (s_12 / s_11).clamp(least, most) } else { least }
 }

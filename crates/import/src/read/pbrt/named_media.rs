@@ -16,9 +16,9 @@ const DEFAULT_SCATTERING: Rgb = Rgb::new(2.55, 3.21, 3.77);
 
 /// The media of a scene by their names; `None` for those of other types.
 #[derive(Default)]
-pub(super) struct Media(HashMap<String, Option<Arc<Medium>>>);
+pub(super) struct NamedMedia(HashMap<String, Option<Arc<Medium>>>);
 
-impl Media {
+impl NamedMedia {
     /// Reads the parameters of `MakeNamedMedium`.
     pub fn define(
         &mut self,

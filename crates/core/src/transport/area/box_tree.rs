@@ -33,7 +33,7 @@ impl Box3 {
 
 /// Boxes, found by box.
 #[derive(Clone, Debug, Default)]
-pub struct Bvh {
+pub struct BoxTree {
     nodes: Vec<Node>,
     /// Indices of the boxes, leaf by leaf.
     order: Vec<u32>,
@@ -49,7 +49,7 @@ struct Node {
     count: u32,
 }
 
-impl Bvh {
+impl BoxTree {
     /// Halves the boxes by their middles along the longest side, until there are no more than
     /// `leaf`.
     pub fn new(boxes: &[Box3], leaf: usize) -> Self {

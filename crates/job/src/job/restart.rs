@@ -1,6 +1,7 @@
 //! Starts the image again if its first iterations show that the choice of the pilot was poor.
 
-use super::state::{RenderState, Status};
+use super::state::RenderState;
+use super::status::Status;
 use super::step::Step;
 use bdpm_auto::adaptive::count_policy::CountPolicy;
 use bdpm_auto::adaptive::technique::{Selection, TimeShare};

@@ -6,8 +6,8 @@ use super::combined_image::CombinedImage;
 use crate::film::cells::CellGrid;
 use crate::film::radiance::box_filter;
 use crate::film::tiled_buffer::tiles_of_cells;
-use crate::noise::bias::{BIAS_CERTAINTY, Products, falls_to};
 use crate::noise::film::{BATCHES, BatchGrain};
+use crate::noise::merge_bias::{BIAS_CERTAINTY, share_left};
 use serde::Serialize;
 
 /// Minimum number of measured iterations: two in each batch.
@@ -15,7 +15,7 @@ const MIN_MEASURED: u64 = 2 * BATCHES as u64;
 
 /// Merge bias relative to the noise of an image, tile by tile.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct MergeBias {
+pub struct BiasOverNoise {
     /// Fraction of the image in tiles whose mean bias is significant and greater than the RMS noise
     /// of their pixels.
     pub share_beyond_noise: f64,
@@ -23,7 +23,7 @@ pub struct MergeBias {
     pub worst_over_noise: f64,
 }
 
-impl MergeBias {
+impl BiasOverNoise {
     /// Estimates the bias of `image`, which combines `blocks`; `None` before enough iterations are
     /// measured.
     ///
@@ -34,7 +34,7 @@ impl MergeBias {
         let (nested, counts) = nested_by_tile(blocks)?;
         let grid = image.grid();
         let (across, _) = grid.size();
-        let scale = 1.0 / (1.0 - falls_to(&products(&nested)));
+        let scale = 1.0 / (1.0 - share_left(&nested));
         let variance = image.cell_variance()?;
         let (mut biased, mut worst) = (0, 0.0f64);
         for (tile, sums) in tiles_of_cells(grid).zip(&nested) {
@@ -64,7 +64,7 @@ impl MergeBias {
 /// decrease with the radius in each cell as in the whole image: theory.md (70).
 pub fn per_cell(blocks: &[Block]) -> Option<Vec<[f64; 2]>> {
     let (nested, counts) = nested_by_tile(blocks)?;
-    let scale = 1.0 / (1.0 - falls_to(&products(&nested)));
+    let scale = 1.0 / (1.0 - share_left(&nested));
     let iterations: f64 = counts.iter().sum();
     let grid = CellGrid::of(blocks[0].film.resolution());
     let (width, height) = grid.size();
@@ -118,21 +118,6 @@ fn nested_by_tile(blocks: &[Block]) -> Option<(Vec<Nested>, [f64; BATCHES])> {
         }
     }
     Some((nested, counts))
-}
-
-/// Products of nested differences, summed over tiles, from which [`falls_to`] estimates how the
-/// bias decreases with the radius: theory.md (69).
-fn products(tiles: &[[[f64; 2]; BATCHES]]) -> Products {
-    let mut all = [0.0; 3];
-    for batches in tiles {
-        let total = [0, 1].map(|a| batches.iter().map(|d| d[a]).sum::<f64>());
-        all[0] += total[0];
-        for b in 0..2 {
-            let own: f64 = batches.iter().map(|d| d[0] * d[b]).sum();
-            all[1 + b] += total[0] * total[b] - own;
-        }
-    }
-    all
 }
 
 /// Absolute mean of the batches less [`BIAS_CERTAINTY`] standard errors, at least 0.

@@ -1,220 +1,18 @@
-//! Stop conditions, the convergence of an image, and forecasts of its error and time.
+//! Noise and bias of an image while it is rendered, and forecasts of its error and time.
 
+use super::{MIN_ITERATIONS_TO_TARGET, Stop, Target};
 use crate::adaptive::error_interval::{ErrorInterval, SquaredPart};
 use crate::adaptive::optimize::Objective;
-use bdpm_core::base::error::{Error, Result};
-use bdpm_core::base::math::Rgb;
-use bdpm_core::film::radiance::{box_filter, box_filtered, luminance, luminance_weights, total};
+use bdpm_core::film::radiance::total;
 use bdpm_core::film::windows::sum_of_squared_sums;
-use bdpm_core::noise::bias::UPPER_BOUND;
+use bdpm_core::noise::merge_bias::UPPER_BOUND;
 use bdpm_core::render::block::{Block, CombinedImage};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::str::FromStr;
-use std::time::Duration;
-
-/// Minimum number of iterations before a target counts as reached. Stopping at the first low
-/// estimate would stop too early on average.
-pub const MIN_ITERATIONS_TO_TARGET: u64 = 32;
-
-/// Minimum of the noise's share of the squared target error. It keeps a target reachable whose
-/// square is smaller than the squared bias.
-pub const MIN_NOISE_SHARE: f64 = 0.1;
-
-/// Minimum share of a pixel's squared luminance that is not noise. Below it, the luminance of the
-/// neighborhood is the better estimate.
-const MIN_SIGNAL_SHARE: f64 = 0.9;
 
 /// Standard deviation of the true squared bias around that of the pilot, relative to the latter:
 /// where light is rare, the pilot sees little of the bias.
 pub const PILOT_SPREAD: f64 = 4.0;
-
-/// Conditions to stop at: the first one that holds ends a render. Without any, it never ends.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stop {
-    /// Number of iterations, those of a resumed image included.
-    pub iterations: Option<u64>,
-    /// Rendering time.
-    pub time: Option<Duration>,
-    /// Pooled RMS of the noise.
-    pub target: Option<Target>,
-    /// Relative RMS error, noise and bias together: 0.01 for 1 %.
-    pub error: Option<f64>,
-    /// The noise to minimize: pooled or relative.
-    pub objective: Objective,
-    /// Latest estimate of the squared relative bias of the image.
-    pub bias2: f64,
-    /// Squared relative bias that the pilot expects at the end: the prior of what the image
-    /// measures.
-    pub pilot_bias2: f64,
-    /// Squared relative difference that an audit found, if it refuted the image.
-    pub difference: Option<SquaredPart>,
-}
-
-impl Default for Stop {
-    /// No condition; the relative error counts.
-    fn default() -> Self {
-        let (iterations, time, target, error) = (None, None, None, None);
-        let objective = Objective::Relative;
-        let (bias2, pilot_bias2, difference) = (0.0, 0.0, None);
-        Self { iterations, time, target, error, objective, bias2, pilot_bias2, difference }
-    }
-}
-
-impl Stop {
-    /// These conditions with the squared relative bias that the pilot expects.
-    #[must_use]
-    pub fn with_pilot_bias2(self, bias2: f64) -> Self {
-        Self { bias2, pilot_bias2: bias2, ..self }
-    }
-
-    /// These conditions without the result of an audit.
-    #[must_use]
-    pub fn without_difference(self) -> Self {
-        // The latest estimate may be the difference.
-        let bias2 = if self.difference.is_some() { self.pilot_bias2 } else { self.bias2 };
-        Self { bias2, difference: None, ..self }
-    }
-
-    /// Stops after this rendering time. Jobs refuse a time of 0.
-    pub fn time(time: Duration) -> Self {
-        Self { time: Some(time), ..Self::default() }
-    }
-
-    /// Stops at this relative RMS error, noise and bias together: 0.01 for 1 %.
-    pub fn error(error: f64) -> Self {
-        Self { error: Some(error), ..Self::default() }
-    }
-
-    /// Stops after this number of iterations. The counts are then not chosen.
-    pub fn iterations(iterations: u64) -> Self {
-        Self { iterations: Some(iterations), ..Self::default() }
-    }
-
-    /// Relative variance that a total error leaves for noise beside the bias. It is at least
-    /// [`MIN_NOISE_SHARE`] of the squared error, even if the bias alone exceeds the error.
-    pub fn noise2(&self, error: f64) -> f64 {
-        let error2 = error * error;
-        (error2 - self.bias2).max(MIN_NOISE_SHARE * error2)
-    }
-}
-
-/// Weights of the squared errors of the [cells](bdpm_core::film::cells), which are single pixels
-/// except in large images: by their luminance for the relative objective, else 1.
-pub fn importance(blocks: &[Block], objective: Objective) -> Vec<f64> {
-    let image = CombinedImage::new(blocks, vec![1.0; blocks.len()]);
-    if objective != Objective::Relative {
-        return vec![1.0; image.grid().len()];
-    }
-    luminance_weights(&luminances(&image))
-}
-
-/// Luminance of each cell, W/(m^2 sr), without the contribution of noise to its square: the root of
-/// the mean square over its pixels. If noise dominates a cell, the luminance of its neighborhood
-/// takes its place. The merge bias is corrected where it is measured: in a dark pixel beside a
-/// caustic, it can be many times the luminance.
-pub fn luminances(image: &CombinedImage) -> Vec<f64> {
-    let grid = image.grid();
-    if !grid.is_single_pixels() {
-        let moments = image.cell_moments();
-        let rms: Vec<f64> = moments.par_iter().map(|moments| moments.square.sqrt()).collect();
-        let variance: Option<Vec<f64>> =
-            moments.par_iter().map(|moments| moments.variance).collect();
-        return match variance {
-            Some(variance) => without_noise(&rms, &variance, grid.size()),
-            None => rms,
-        };
-    }
-    let of = |image: Vec<Rgb>| -> Vec<f64> {
-        image.into_par_iter().map(|value| luminance(value.as_dvec3())).collect()
-    };
-    let merged = of(image.uncorrected_mean());
-    let mut clean = match image.uncorrected_variance() {
-        Some(variance) => without_noise(&merged, &variance, image.resolution()),
-        None => merged,
-    };
-    if image.bias_correction().is_some() {
-        let (width, height) = image.resolution();
-        let corrected: Vec<_> = of(image.mean()).into_iter().map(|own| [own]).collect();
-        let around = box_filter(&corrected, width, height);
-        // The noise of the correction must not darken single pixels: the neighborhood bounds it.
-        let pixels = clean.par_iter_mut().zip(&corrected).zip(&around);
-        pixels.for_each(|((clean, [own]), [around])| *clean = clean.min(own.max(*around)).max(0.0));
-    }
-    clean
-}
-
-/// Roots of the squared means minus their variances, since noise adds its variance to the square.
-/// The neighborhood is used if the variance exceeds `1 - MIN_SIGNAL_SHARE` of the square.
-pub fn without_noise(mean: &[f64], variance: &[f64], (width, height): (u32, u32)) -> Vec<f64> {
-    let squares: Vec<_> = mean.par_iter().zip(variance).map(|(l, v)| [l * l - v]).collect();
-    let clean = |(index, luminance): (usize, &f64)| {
-        let [pixel] = squares[index];
-        let is_clean = pixel > MIN_SIGNAL_SHARE * luminance * luminance;
-        let [square] =
-            if is_clean { [pixel] } else { box_filtered(&squares, index, width, height) };
-        square.max(0.0).sqrt()
-    };
-    mean.par_iter().enumerate().map(clean).collect()
-}
-
-/// A pooled RMS, the root of the mean variance over all pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Target {
-    /// Luminance, W/(m^2 sr).
-    Absolute(f64),
-    /// Share of the image's mean luminance, 0.01 for 1 %.
-    Share(f64),
-}
-
-/// Reason for the end of a render.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum StoppedBy {
-    /// All iterations were rendered.
-    Iterations,
-    /// The time is over.
-    Time,
-    /// The noise is low enough.
-    Target,
-    /// The user interrupted the render.
-    Interrupt,
-    /// A step after the first iteration failed. The image has the iterations before it.
-    Failure,
-}
-
-impl Target {
-    /// The target as luminance, for an image of this mean luminance.
-    pub fn absolute(self, mean_luminance: f64) -> f64 {
-        match self {
-            Self::Absolute(rms) => rms,
-            Self::Share(share) => share * mean_luminance,
-        }
-    }
-}
-
-impl FromStr for Target {
-    type Err = Error;
-
-    /// Reads a luminance such as `0.002`, or a share of the mean luminance such as `1%`.
-    fn from_str(text: &str) -> Result<Self> {
-        let text = text.trim();
-        let (number, percent) = match text.strip_suffix('%') {
-            Some(number) => (number.trim_end(), true),
-            None => (text, false),
-        };
-        match number.parse::<f64>() {
-            Ok(value) if value > 0.0 && value.is_finite() => {
-                Ok(if percent { Self::Share(value / 100.0) } else { Self::Absolute(value) })
-            }
-            _ => Err(Error::new(
-                format!("`{text}` is not an RMS"),
-                "give a positive luminance, or a share of the mean luminance such as 1%",
-            )),
-        }
-    }
-}
 
 /// Noise and bias of an image; luminances, W/(m^2 sr).
 #[derive(Clone, Debug)]
@@ -445,17 +243,7 @@ impl Convergence {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn target_is_a_luminance_or_a_share() {
-        assert_eq!("0.25".parse::<Target>().unwrap(), Target::Absolute(0.25));
-        assert_eq!(" 1 %".parse::<Target>().unwrap(), Target::Share(0.01));
-        assert_eq!(Target::Share(0.01).absolute(30.0), 0.3);
-        for bad in ["", "%", "0", "-1%", "nan", "inf", "1e999", "5%%", "x"] {
-            let shown = bad.parse::<Target>().unwrap_err().to_string();
-            assert!(shown.contains("help: give a positive luminance"), "{bad}: {shown}");
-        }
-    }
+    use std::time::Duration;
 
     fn convergence(iterations: u64, variance: f64, error: f64) -> Convergence {
         Convergence {

@@ -1,0 +1,61 @@
+//! Scale of the surfaces that an image shows: their area, and that of a pixel on them.
+
+use bdpm_core::accel::Intersect;
+use bdpm_core::scene::{Placement, Scene};
+use bdpm_core::settings::Settings;
+use rayon::prelude::*;
+use std::f64::consts::PI;
+
+/// Pixels across and down at which the size of a pixel's footprint is computed.
+const FOOTPRINTS: u32 = 16;
+
+/// Side of the pixel of a meter at distance 1: its rays spread over a wide cone, so that details of
+/// this size do not show.
+const METER_PIXEL: f64 = 0.01;
+
+/// Area of all surfaces on which photons are merged, scene units squared.
+pub fn merging_area(scene: &Scene) -> f64 {
+    let places = scene.placements().par_iter().enumerate();
+    let area = |(place, placement): (usize, &Placement)| {
+        if !scene.materials()[placement.material as usize].bsdf.merges() {
+            return 0.0;
+        }
+        let triangles = 0..scene.mesh(placement).triangles.len() as u32;
+        let area = |triangle| f64::from(scene.placed_triangle(place as u32, triangle).area());
+        triangles.map(area).sum()
+    };
+    // The order of the sum does not depend on the number of threads.
+    places.map(area).collect::<Vec<f64>>().iter().sum()
+}
+
+/// Radius of a disc of the area that a pixel sees head-on, median over the image, scene units; that
+/// of a unit square if nothing is seen.
+pub fn footprint(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> f64 {
+    let view = scene.camera.view_of(settings);
+    let [w, h] = [settings.width, settings.height].map(|pixels| pixels as f32);
+    // Offset between the two rays, pixels. A whole pixel may span the whole view.
+    const PART: f32 = 0.1;
+    let mut sides = Vec::new();
+    for row in 0..FOOTPRINTS {
+        for column in 0..FOOTPRINTS {
+            let [x, y] = [(column, w), (row, h)]
+                .map(|(i, pixels)| (i as f32 + 0.5) / FOOTPRINTS as f32 * pixels);
+            let (ray, weight) = scene.camera_ray(&view, x, y, [0.5; 2]);
+            let (next, _) = scene.camera_ray(&view, x + PART, y, [0.5; 2]);
+            let hit = accel.closest_hit(&ray);
+            if weight > 0.0 && !hit.is_miss() {
+                if scene.meters().is_some() {
+                    sides.push(METER_PIXEL * f64::from(hit.t));
+                    continue;
+                }
+                // Rays of an orthographic camera differ by their origins alone.
+                let offset = (next.origin - ray.origin).cross(ray.direction);
+                let across = offset + hit.t * next.direction.cross(ray.direction);
+                sides.push(f64::from(across.length() / PART));
+            }
+        }
+    }
+    sides.sort_by(f64::total_cmp);
+    let side = sides.get(sides.len() / 2).copied().unwrap_or(1.0);
+    side / PI.sqrt()
+}

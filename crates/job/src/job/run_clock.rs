@@ -1,0 +1,80 @@
+//! Times of a run.
+
+use super::status::TimeForecast;
+use std::mem;
+use std::time::{Duration, Instant};
+
+/// Times of a run and their forecasts.
+pub(super) struct RunClock {
+    /// Start of the job, before the pilot.
+    pub start: Instant,
+    first_iteration: Instant,
+    pub min_iterations: u64,
+    /// Forecasts at times that grow by 2 %.
+    pub forecasts: Vec<TimeForecast>,
+    /// Time of the latest estimate of the noise, seconds, and its duration.
+    pub last_estimate: f64,
+    pub estimate_time: f64,
+    /// Time that the stop conditions leave out for the caller's work at the end.
+    reserve: Duration,
+}
+
+impl RunClock {
+    /// A clock for a run that started at `start` and renders its first iteration now. The stop
+    /// conditions leave out `reserve` for the caller.
+    pub fn new(start: Instant, min_iterations: u64, reserve: Duration) -> Self {
+        Self {
+            start,
+            first_iteration: Instant::now(),
+            min_iterations,
+            forecasts: Vec::new(),
+            last_estimate: 0.0,
+            estimate_time: 0.0,
+            reserve,
+        }
+    }
+
+    /// Time since the first iteration, seconds.
+    pub fn rendering_time(&self) -> f64 {
+        self.first_iteration.elapsed().as_secs_f64()
+    }
+
+    /// Leaves out `reserve` of the time instead of the present reserve, and returns the new `end`
+    /// of the iterations.
+    pub fn replace_reserve(&mut self, end: Duration, reserve: Duration) -> Duration {
+        let all = end + mem::replace(&mut self.reserve, reserve);
+        all.saturating_sub(reserve)
+    }
+}
+
+/// Whether to render another iteration that takes about `next` seconds if `left` seconds are left:
+/// at least half of it must be within the time.
+// theory.md (92)
+pub(super) fn has_time(left: f64, next: f64) -> bool {
+    0.5 * next <= left
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn iteration_starts_only_if_half_of_it_is_within_the_time() {
+        for (left, next, starts) in
+            [(3.0, 2.0, true), (1.0, 2.0, true), (0.9, 2.0, false), (-1.0, 0.5, false)]
+        {
+            assert_eq!(has_time(left, next), starts, "{left} {next}");
+        }
+    }
+
+    #[test]
+    fn measured_reserve_replaces_the_assumed_one() {
+        // 30 s with 4 s assumed for files; then measured as 6 s, as 1 s, and as more than all.
+        let mut clock = RunClock::new(Instant::now(), 1, Duration::from_secs(4));
+        let mut end = Duration::from_secs(26);
+        for (measured, expected) in [(6, 24), (1, 29), (40, 0)] {
+            end = clock.replace_reserve(end, Duration::from_secs(measured));
+            assert_eq!(end, Duration::from_secs(expected));
+        }
+    }
+}
