@@ -5,6 +5,7 @@ mod bombs;
 mod camera_change;
 mod convert;
 mod extreme_numbers;
+mod far;
 mod fuzz_gltf;
 mod fuzz_luminaires;
 mod fuzz_mitsuba;
