@@ -17,6 +17,7 @@ mod gltf_bad;
 mod gltf_looks;
 mod instances;
 mod light;
+mod light_names;
 mod luminaires;
 mod media;
 mod memory;
