@@ -20,7 +20,7 @@ pub struct Args {
     /// Rate a scene for about this time, such as 30s or 2m [default: no limit]
     #[arg(long, value_name = "TIME", value_parser = positive_time)]
     time: Option<Duration>,
-    /// Stop at this relative half-width of the interval of the illuminance [default: 2%]
+    /// Stop at this relative half-width of the illuminance's interval [default: 2%]
     #[arg(long, value_name = "X%", value_parser = super::render::share, allow_negative_numbers = true)]
     target_error: Option<f64>,
     /// Look from this camera of a glTF or Mitsuba file [default: the first one]
