@@ -1,7 +1,7 @@
 //! Glare of fisheye images.
 
 use crate::result::RenderResult;
-use crate::settings::word;
+use crate::settings::unknown;
 use crate::tables;
 use bdpm::base::math::Rgb;
 use bdpm::light::glare::{Glare, LuminanceImage, PEAK, SEARCH_ANGLE, SourceSearch, THRESHOLD};
@@ -52,7 +52,7 @@ pub fn glare<'py>(
 fn array(image: &Bound<'_, PyAny>, projection: &str, fov: f64) -> PyResult<LuminanceImage> {
     let names = FisheyeProjection::ALL.map(FisheyeProjection::name);
     let named = FisheyeProjection::ALL.into_iter().find(|one| one.name() == projection);
-    let projection = named.map_or_else(|| word("projection", projection, &names), Ok)?;
+    let projection = named.ok_or_else(|| unknown("projection", projection, &names))?;
     if !(fov > 0.0 && fov <= 360.0) {
         let text = format!("fov is {fov}: give an angle above 0, of at most 360 degrees");
         return Err(PyValueError::new_err(text));
