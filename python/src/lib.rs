@@ -9,8 +9,10 @@ mod calibrate;
 mod error;
 mod estimate;
 mod files;
+mod glare;
 mod job;
 mod job_thread;
+mod measure;
 mod noise;
 mod plan;
 mod progress;
@@ -31,7 +33,11 @@ mod _bdpm {
     #[pymodule_export]
     use crate::files::read_exr;
     #[pymodule_export]
+    use crate::glare::glare;
+    #[pymodule_export]
     use crate::job::{Job, start};
+    #[pymodule_export]
+    use crate::measure::{Measurement, MeterReadings, Reading, measure};
     #[pymodule_export]
     use crate::noise::{BestCounts, Noise, Prediction};
     #[pymodule_export]

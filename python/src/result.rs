@@ -7,11 +7,15 @@ use crate::noise::Noise;
 use crate::plan::Plan;
 use crate::settings::{unknown, word};
 use crate::tables;
+use bdpm::base::math::Rgb;
 use bdpm::image_io::{DisplayWindow, ExrFormat, Image, ToneMapping, write_exr_as, write_png_as};
+use bdpm::light::glare::LuminanceImage;
 use bdpm::noise::Measure;
 use bdpm::output::layers::LayerSelection;
+use bdpm::scene::Optics;
 use bdpm::settings::Crop;
 use numpy::{PyArray3, PyArrayMethods};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyDict};
@@ -82,6 +86,30 @@ impl RenderResult {
 
     fn size(&self) -> Size {
         self.result.resolution
+    }
+
+    /// The image for a rating of glare, with the noise of its pixels if that is independent.
+    ///
+    /// # Errors
+    /// If it is not a whole fisheye image.
+    pub fn fisheye(&self, py: Python<'_>) -> PyResult<LuminanceImage> {
+        let settings = &self.result.state.provenance.settings;
+        let optics = self.result.state.camera().optics();
+        let (Optics::Fisheye { projection, field_of_view }, None) = (optics, settings.crop) else {
+            let text = "this is no whole fisheye image: render the scene with a camera of the type \
+                        \"fisheye\", without `crop`";
+            return Err(PyValueError::new_err(text));
+        };
+        let pixels = self.image.bind(py).readonly();
+        let pixels: &[Rgb] = bytemuck::cast_slice(pixels.as_slice()?);
+        let fov = f64::from(field_of_view).to_radians();
+        let image = LuminanceImage::new(self.size(), pixels, projection, fov);
+        let is_independent = !settings.has_photons() && self.result.denoised.is_none();
+        let noise = self.result.state.image().rms().filter(|_| is_independent);
+        Ok(match noise {
+            Some(noise) => image.with_noise(&noise),
+            None => image,
+        })
     }
 
     fn file(&self, py: Python<'_>) -> Image {

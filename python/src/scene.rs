@@ -6,7 +6,7 @@ use crate::tables;
 use bdpm::import::EnvironmentSource;
 use bdpm::load::{CameraChange, LoadOptions, Loaded, LookAt, NamedMesh, load_meshes, load_with};
 use bytemuck::allocation::cast_vec;
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -166,6 +166,13 @@ impl Scene {
         &self.loaded.scene.name
     }
 
+    /// Point of the file's coordinates that is the origin of the scene: zero, except for scenes
+    /// that are far from the origin of their file.
+    #[getter]
+    fn origin(&self) -> [f64; 3] {
+        self.loaded.scene.file_origin().to_array()
+    }
+
     /// Number of triangles that have an area.
     #[getter]
     fn triangles(&self) -> usize {
@@ -224,13 +231,13 @@ pub fn load(
     environment: Option<&Bound<'_, PyAny>>,
     fallback_light: bool,
     camera_from: Option<PathBuf>,
-    look_at: Option<Vec<[f32; 3]>>,
+    look_at: Option<Vec<[f64; 3]>>,
     fov: Option<f32>,
 ) -> PyResult<Scene> {
     let look_at = look_at.map(|vectors| match vectors[..] {
         [position, target] => Ok(LookAt::new(position.into(), target.into(), None)),
         [position, target, up] => {
-            Ok(LookAt::new(position.into(), target.into(), Some(Vec3::from(up))))
+            Ok(LookAt::new(position.into(), target.into(), Some(DVec3::from(up).as_vec3())))
         }
         _ => Err(PyTypeError::new_err(
             "look_at is not a position, a target and optionally an up vector",

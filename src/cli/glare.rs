@@ -1,6 +1,6 @@
-//! `bdpm glare IMAGE`.
+//! `bdpm glare IMAGE`, or of a scene: [`room_glare`].
 
-use super::json;
+use super::{json, room_glare};
 use bdpm::base::error::{Error, Result};
 use bdpm::base::math::Rgb;
 use bdpm::image_io::Metadata;
@@ -14,7 +14,8 @@ use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Read this fisheye image, an EXR file of `render` or an .hdr file
+    /// Read this fisheye image, an .exr or .hdr file, or this scene with luminaires
+    #[arg(value_name = "IMAGE|SCENE")]
     image: PathBuf,
     /// Take this projection [default: that of the file, or equidistant]
     #[arg(long)]
@@ -37,6 +38,8 @@ pub struct Args {
     /// Print the result as one JSON object on stdout
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    room: room_glare::Args,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -61,11 +64,17 @@ struct GlareReport<'a> {
     image: String,
     luminance_unit: &'static str,
     illuminance_unit: &'static str,
+    /// Why there are no uncertainties, if there are none.
+    without_uncertainty: Option<&'static str>,
     #[serde(flatten)]
     glare: &'a Glare,
 }
 
 pub fn run(args: &Args) -> Result<String> {
+    if room_glare::is_scene(&args.image) {
+        return room_glare::run(&args.image, &args.room, args.json);
+    }
+    args.room.require_none()?;
     let in_range = |value: f64, from: f64, to: f64| value > from && value <= to;
     if let Some(fov) = args.fov.filter(|fov| !in_range(*fov, 0.0, 360.0)) {
         let problem = format!("the field of view is {fov} degrees");
@@ -79,13 +88,21 @@ pub fn run(args: &Args) -> Result<String> {
         let problem = format!("the angle is {} radians", args.search_angle);
         return Err(Error::new(problem, "give an angle above 0, of at most pi"));
     }
-    let RadianceImage { size, mut pixels, metadata } = read_radiance(&args.image)?;
+    let RadianceImage { size, mut pixels, noise, metadata } = read_radiance(&args.image)?;
     let lens = check_finite(size, &pixels).and_then(|()| lens(args, &metadata));
     let (projection, fov) = lens.map_err(|error| error.at(&args.image))?;
     // Images in other units of luminance
     let scale = (args.efficacy / 683.0) as f32;
     pixels.iter_mut().for_each(|pixel| *pixel *= scale);
-    let image = LuminanceImage::new(size, &pixels, projection, fov.to_radians());
+    let mut image = LuminanceImage::new(size, &pixels, projection, fov.to_radians());
+    let (noise, without_uncertainty) = match independent_noise(noise, &metadata) {
+        Ok(noise) => (Some(noise), None),
+        Err(reason) => (None, Some(reason)),
+    };
+    if let Some(mut noise) = noise {
+        noise.iter_mut().for_each(|own| *own *= scale);
+        image = image.with_noise(&noise);
+    }
     let search =
         SourceSearch { threshold: args.threshold, peak: args.peak, angle: args.search_angle };
     let glare = Glare::new(&image, &search);
@@ -96,10 +113,25 @@ pub fn run(args: &Args) -> Result<String> {
             image,
             luminance_unit: units.0,
             illuminance_unit: units.1,
+            without_uncertainty,
             glare: &glare,
         }));
     }
-    Ok(text(&glare))
+    Ok(text(&glare, without_uncertainty))
+}
+
+/// The standard errors of pixels if they are independent, or why they are not known.
+fn independent_noise(
+    noise: Option<Vec<f32>>,
+    metadata: &Metadata,
+) -> std::result::Result<Vec<f32>, &'static str> {
+    let noise = noise.ok_or("the image has no layer `rms`")?;
+    let made_by = Provenance::from_metadata(metadata);
+    let made_by = made_by.map_err(|_| "the image does not state its settings")?;
+    match made_by.settings.has_photons() {
+        true => Err("pixels share photons; render with --strategy path for uncertainties"),
+        false => Ok(noise),
+    }
 }
 
 /// Refuses pixels that are not finite: a single one makes the rating wrong.
@@ -147,13 +179,25 @@ fn lens(args: &Args, metadata: &Metadata) -> Result<(FisheyeProjection, f64)> {
     Ok((projection, fov.into()))
 }
 
-fn text(glare: &Glare) -> String {
-    let ugr =
-        glare.ugr.map_or("none: no source above the threshold".into(), |ugr| format!("{ugr:.1}"));
+fn text(glare: &Glare, without_uncertainty: Option<&str>) -> String {
+    let expanded = glare.expanded;
+    let range = |own: Option<f64>, digits: usize| {
+        own.map_or_else(String::new, |own| format!(" +- {own:.digits$}"))
+    };
+    let ugr = glare.ugr.map_or("none: no source above the threshold".into(), |ugr| {
+        format!("{ugr:.1}{}", range(expanded.and_then(|own| own.ugr), 1))
+    });
     let mut text = format!(
-        "DGP  {:.3}\nUGR  {ugr}\nvertical illuminance  {:.1} lx\nbackground            {:.1} cd/m2\n",
-        glare.dgp, glare.vertical_illuminance, glare.background_luminance
+        "DGP  {:.3}{}\nUGR  {ugr}\nvertical illuminance  {:.1}{} lx\nbackground            {:.1} cd/m2\n",
+        glare.dgp,
+        range(expanded.map(|own| own.dgp), 3),
+        glare.vertical_illuminance,
+        range(expanded.map(|own| own.vertical_illuminance), 1),
+        glare.background_luminance
     );
+    if let Some(reason) = without_uncertainty {
+        text += &format!("without uncertainties: {reason}\n");
+    }
     for source in &glare.sources {
         text += &format!(
             "source: {:.0} cd/m2, {:.5} sr, position index {:.2}, {:.1} lx\n",

@@ -12,8 +12,9 @@ use bdpm::base::photometry::LUMENS_PER_WATT;
 use bdpm::image_io::digits;
 use bdpm::import::luminaire_frame;
 use bdpm::job;
+use bdpm::light::grouped_intensities::{Estimate, Group, GroupedIntensities};
 use bdpm::light::photometry::{LuminaireDescription, OpeningShape, write_eulumdat, write_lm63};
-use bdpm::light::polar_plot::{opening_angle, polar_plot};
+use bdpm::light::polar_plot::polar_plot;
 use bdpm::load::{LoadOptions, load_with};
 use bdpm::scene::backend::{self, Backend};
 use bdpm::scene::{IntensityDistribution, Scene};
@@ -119,27 +120,41 @@ impl WithError {
     }
 }
 
-/// Beam or field angle in two planes, degrees; `null` if the intensity does not fall that far.
+/// Beam or field angle in two planes, degrees, with standard errors; `null` if the intensity does
+/// not fall that far.
 #[derive(Serialize)]
 struct Angles {
     /// Share of the maximum in the plane.
     share: f64,
     c0_c180: Option<f64>,
+    c0_c180_standard_error: Option<f64>,
     c90_c270: Option<f64>,
+    c90_c270_standard_error: Option<f64>,
     unit: &'static str,
 }
 
 impl Angles {
-    fn new(own: &IntensityDistribution, share: f64) -> Self {
-        let [c0_c180, c90_c270] = [0.0, 90.0].map(|c| opening_angle(own, c, share));
-        Self { share, c0_c180, c90_c270, unit: "deg" }
+    fn new(own: &GroupedIntensities, share: f64) -> Self {
+        let [c0, c90] = [0.0, 90.0].map(|c| own.opening_angle(c, share));
+        let value = |own: Option<Estimate>| own.map(|own| own.value);
+        let error = |own: Option<Estimate>| own.map(|own| own.error);
+        Self {
+            share,
+            c0_c180: value(c0),
+            c0_c180_standard_error: error(c0),
+            c90_c270: value(c90),
+            c90_c270_standard_error: error(c90),
+            unit: "deg",
+        }
     }
 
     fn text(&self) -> String {
-        let angle = |angle: Option<f64>| {
-            angle.map_or("none".to_owned(), |angle| format!("{angle:.1} degrees"))
+        let angle = |value: Option<f64>, error: Option<f64>| match (value, error) {
+            (Some(value), Some(error)) => format!("{value:.1} ± {error:.1} degrees"),
+            _ => "none".to_owned(),
         };
-        let (c0, c90) = (angle(self.c0_c180), angle(self.c90_c270));
+        let c0 = angle(self.c0_c180, self.c0_c180_standard_error);
+        let c90 = angle(self.c90_c270, self.c90_c270_standard_error);
         format!("C0-C180 {c0}, C90-C270 {c90}")
     }
 }
@@ -203,7 +218,7 @@ pub fn run(args: &Args) -> Result<String> {
     write_files(args, &ies, &own, &scene.name)?;
     let files = files.iter().map(|file| file.path.display().to_string()).collect();
     let source = f64::from(luminance(scene.lights().power())) * f64::from(LUMENS_PER_WATT);
-    let report = report(&measurement, &own, source, files, args.light_paths);
+    let report = report(&measurement, source, files, args.light_paths);
     Ok(reported((args.json, args.quiet), &report, || report.text()))
 }
 
@@ -270,7 +285,6 @@ fn default_output(scene: &Path) -> PathBuf {
 
 fn report(
     measurement: &Goniometer,
-    own: &IntensityDistribution,
     source_flux: f64,
     files: Vec<String>,
     light_paths: u32,
@@ -280,12 +294,14 @@ fn report(
     let table = |value: fn(&Measured) -> f64| {
         nodes.chunks(c.len()).map(|row| row.iter().map(value).collect()).collect()
     };
-    let (index, peak) = nodes
-        .iter()
-        .enumerate()
-        .max_by(|(_, a), (_, b)| a.value.total_cmp(&b.value))
-        .map(|(index, peak)| (index, *peak))
-        .expect("at least three nodes");
+    let values = nodes.iter().map(|node| node.value).enumerate();
+    let greatest = values.max_by(|(_, a), (_, b)| a.total_cmp(b));
+    let (index, _) = greatest.expect("at least three nodes");
+    let groups = measurement.groups().into_iter();
+    let groups = groups.map(|(iterations, values)| Group { weight: iterations as f64, values });
+    let own = GroupedIntensities::new(c.len(), groups.collect());
+    let peak = own.peak();
+    let peak = Measured { value: peak.value, error: peak.error };
     let flux = measurement.flux();
     let ratio = Measured { value: flux.value / source_flux, error: flux.error / source_flux };
     GoniometerReport {
@@ -297,8 +313,8 @@ fn report(
         light_output_ratio: WithError::new(ratio, "1"),
         peak: WithError::new(peak, "cd"),
         peak_direction: [gamma[index / c.len()], c[index % c.len()]],
-        beam_angle: Angles::new(own, 0.5),
-        field_angle: Angles::new(own, 0.1),
+        beam_angle: Angles::new(&own, 0.5),
+        field_angle: Angles::new(&own, 0.1),
         distribution: Distribution {
             intensity: table(|node| node.value),
             standard_error: table(|node| node.error),

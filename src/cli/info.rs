@@ -40,8 +40,10 @@ struct InfoReport<'a> {
     /// Times to read the files, and to build the triangles and lights.
     read_seconds: f64,
     assembly_seconds: f64,
-    /// Lower and upper corner, scene units.
-    bounds: [[f32; 3]; 2],
+    /// Point of the file's coordinates that is the origin of the scene, scene units.
+    origin: [f64; 3],
+    /// Lower and upper corner in the file's coordinates, scene units.
+    bounds: [[f64; 3]; 2],
     size: f32,
     accel: AccelSummary<'a>,
     lights: LightSummary,
@@ -91,7 +93,7 @@ impl LightSummary {
 
 #[derive(Serialize)]
 struct CameraSummary {
-    position: [f32; 3],
+    position: [f64; 3],
     direction: [f32; 3],
     up: [f32; 3],
     #[serde(flatten)]
@@ -203,7 +205,9 @@ impl<'a> InfoReport<'a> {
             warnings: &loaded.warnings,
             read_seconds: loading.saturating_sub(loaded.assembly).as_secs_f64(),
             assembly_seconds: loaded.assembly.as_secs_f64(),
-            bounds: [scene.bounds().min.to_array(), scene.bounds().max.to_array()],
+            origin: scene.file_origin().to_array(),
+            bounds: [scene.bounds().min, scene.bounds().max]
+                .map(|corner| scene.in_file(corner).to_array()),
             size: scene.size(),
             accel: AccelSummary {
                 name: &accel.name,
@@ -222,7 +226,7 @@ impl<'a> InfoReport<'a> {
                 power: scene.lights().power().to_array(),
             },
             camera: CameraSummary {
-                position: scene.camera.position().to_array(),
+                position: scene.in_file(scene.camera.position()).to_array(),
                 direction: scene.camera.direction().to_array(),
                 up: scene.camera.up().to_array(),
                 optics: OpticsSummary::new(scene.camera.optics()),
@@ -290,9 +294,10 @@ impl Rows {
             [] => String::new(),
             some => format!(": {}", names(some)),
         };
-        let power = numbers(lights.power);
+        let power = numbers(lights.power.map(f64::from));
         self.add("lights", format!("{}, {power} W in total{named}", lights.text()));
-        let (at, toward) = (numbers(camera.position), numbers(camera.direction));
+        let direction = camera.direction.map(f64::from);
+        let (at, toward) = (numbers(camera.position), numbers(direction));
         self.add("camera", format!("at {at} toward {toward}: {}", camera.optics.text()));
         if let Some(name) = &read.camera {
             self.add("camera name", format!("{name}, of {}", names(&read.cameras)));
@@ -306,8 +311,8 @@ impl Rows {
 }
 
 /// Coordinates or channels, rounded to four decimals.
-fn numbers(values: [f32; 3]) -> String {
-    let [x, y, z] = values.map(|value| (f64::from(value) * 1e4).round() / 1e4);
+fn numbers(values: [f64; 3]) -> String {
+    let [x, y, z] = values.map(|value| (value * 1e4).round() / 1e4);
     format!("({x}, {y}, {z})")
 }
 

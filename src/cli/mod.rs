@@ -32,6 +32,7 @@ mod render;
 mod render_files;
 mod render_observer;
 mod render_report;
+mod room_glare;
 mod run_report;
 mod scene_input;
 mod paper;
@@ -89,7 +90,7 @@ enum Command {
     Convert(convert::Args),
     /// Measure the luminous intensity distribution of a luminaire's model
     Goniometer(goniometer::Args),
-    /// Rate the discomfort glare of a fisheye image: DGP and UGR
+    /// Rate the discomfort glare of a fisheye image (DGP and UGR) or of a scene (UGR)
     Glare(glare::Args),
     /// Compare an image with a reference, or judge it by an estimate of its scene
     Compare(compare::Args),

@@ -234,12 +234,12 @@ fn files_in_another_case_are_found_by_every_format_with_a_note() {
 }
 
 #[test]
-fn scene_far_from_the_origin_is_noted() {
+fn scene_far_from_the_origin_is_moved_with_a_note() {
     let far =
         |offset: f32| format!("v {offset} 0 0\nv {} 0 0\nv {offset} 1 0\nf 1 2 3\n", offset + 1.0);
     let text = far(1e4);
-    loaded_with_warning(&[("a.obj", text.as_bytes())], WarningKind::Chosen, "away from the origin");
-    let near = far(100.0);
+    loaded_with_warning(&[("a.obj", text.as_bytes())], WarningKind::Chosen, "far from the origin");
+    let near = far(5.0);
     let loaded = files(&[("a.obj", near.as_bytes())]).load();
     assert!(!loaded.warnings_text().contains("origin"), "{}", loaded.warnings_text());
 }

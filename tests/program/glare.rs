@@ -68,9 +68,28 @@ fn lens_is_that_of_the_file_and_contradictions_are_refused() {
     let mut image = read_exr(&path).unwrap();
     image.metadata = Metadata::new();
     write_exr(&path, &image).unwrap();
-    assert_eq!(json(&glare(&path, &given)), own);
+    assert_eq!(json(&glare(&path, &given))["dgp"], own["dgp"]);
     let other = json(&glare(&path, &[]));
     assert_ne!(other["vertical_illuminance"], own["vertical_illuminance"]);
+}
+
+/// Standard errors of pixels that share no photons give uncertainties of the ratings.
+#[test]
+fn path_traced_images_have_uncertainties_and_others_a_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = "type = \"fisheye\"\nfov_deg = 180";
+    let photons = json(&glare(&rendered(folder.path(), "a.exr", camera, &[]), &[]));
+    assert!(photons["expanded"].is_null(), "{photons}");
+    assert!(photons["without_uncertainty"].as_str().unwrap().contains("photons"), "{photons}");
+    let path = rendered(folder.path(), "b.exr", camera, &["--strategy", "path"]);
+    let traced = json(&glare(&path, &[]));
+    assert!(traced["without_uncertainty"].is_null(), "{traced}");
+    let expanded = traced["expanded"]["vertical_illuminance"].as_f64().unwrap();
+    let illuminance = traced["vertical_illuminance"].as_f64().unwrap();
+    assert!(expanded > 0.0 && expanded < illuminance, "{expanded} {illuminance}");
+    let output = bdpm(&["glare", path.to_str().unwrap()]);
+    let shown = succeed(&output);
+    assert!(shown.contains("+-") && !shown.contains("without"), "{shown}");
 }
 
 #[test]

@@ -50,6 +50,8 @@ fn measurement_reaches_its_target_and_states_units() {
     assert_eq!((&cone["name"], &cone["unit"]), (&"meter 2".into(), &"cd/m2".into()));
     let readings = plane["readings"].as_array().unwrap();
     assert_eq!(readings.len(), 8);
+    assert_eq!(plane["positions"][1], serde_json::json!([2.5, 0.75, 1.5]));
+    assert_eq!(cone["normals"], serde_json::json!([[0.0, 0.0, -1.0]]));
     for reading in readings {
         let [value, expanded, noise, bias, direct, indirect] =
             ["value", "expanded", "noise", "bias", "direct", "indirect"]
@@ -248,7 +250,7 @@ fn readings_without_light_are_empty_and_have_a_status_of_their_own() {
     assert!(number(&reading(1)["value"]) > 100.0);
     assert_eq!(report["reached"], false);
     let table = std::fs::read_to_string(&csv).unwrap();
-    assert!(table.lines().any(|row| row == "dark,0,0,all,lx,,,,,,"), "{table}");
+    assert!(table.lines().any(|row| row == "dark,0,0,all,lx,,,,,,,3,-1,2"), "{table}");
     assert!(std::fs::read_to_string(&page).unwrap().contains("unknown"));
     let text = measure(&own);
     assert!(String::from_utf8_lossy(&text.stdout).contains("unknown"), "{text:?}");

@@ -20,5 +20,6 @@ mod photometric;
 mod render;
 mod render_text;
 mod reproduce;
+mod room_glare;
 mod timings;
 mod view;

@@ -12,6 +12,7 @@ mod camera_batches;
 mod cameras;
 mod crop;
 mod dispersion;
+mod far;
 mod goniometer;
 mod guides;
 mod hidden;

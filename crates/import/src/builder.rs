@@ -1,12 +1,14 @@
 //! A scene under construction while a file is read.
 
 use super::environment::EnvironmentSource;
+use super::far;
 use super::growth::Growth;
 use super::shape::instancing::{MaterialMesh, MeshGroups};
 use super::text::{check_memory, list};
 use super::warnings::{Warning, replaced_environment};
 use super::whole_view;
 use bdpm_core::base::error::{Error, Result};
+use bdpm_core::base::math::luminance;
 use bdpm_core::base::memory::available_memory;
 use bdpm_core::scene::transform::Transform;
 use bdpm_core::scene::{
@@ -14,11 +16,59 @@ use bdpm_core::scene::{
     Scene,
 };
 use bdpm_core::settings::PartialSettings;
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+/// Options for reading a scene.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ImportOptions<'a> {
+    /// Name of a camera in a glTF or Mitsuba file.
+    pub camera: Option<&'a str>,
+    /// Environment that replaces that of the file.
+    pub environment: Option<&'a EnvironmentSource>,
+    /// Point of the file's coordinates that becomes the origin of the scene. If not given, it is
+    /// near the center of a scene that is far from the origin, and else the origin of the file.
+    pub origin: Option<DVec3>,
+}
+
+impl ImportOptions<'_> {
+    /// Point of the file's coordinates that becomes the origin of the scene.
+    pub fn origin(&self) -> DVec3 {
+        self.origin.unwrap_or(DVec3::ZERO)
+    }
+}
+
+/// Result of reading a file.
+pub enum ReadScene {
+    /// The scene.
+    Complete(Box<Imported>),
+    /// The scene is far from the origin. It has to be read again with this point as its origin,
+    /// because single precision has rounded its positions.
+    Far(DVec3),
+}
+
+impl ReadScene {
+    /// Reads a scene, and again if it is far from the origin.
+    pub fn near(
+        options: &ImportOptions,
+        read: impl Fn(&ImportOptions) -> Result<Self>,
+    ) -> Result<Imported> {
+        let origin = match read(options)? {
+            Self::Complete(imported) => return Ok(*imported),
+            Self::Far(origin) => origin,
+        };
+        match read(&ImportOptions { origin: Some(origin), ..*options })? {
+            Self::Complete(mut imported) => {
+                imported.warnings.push(far::note(origin));
+                Ok(*imported)
+            }
+            Self::Far(_) => unreachable!("a scene with a given origin is not far"),
+        }
+    }
+}
 
 /// A scene as its file describes it: without a default light, and with a camera that sees
 /// everything if the file has none.
@@ -61,6 +111,8 @@ pub type EnvironmentReader<'a> = Box<dyn FnOnce(&mut Vec<Warning>) -> Result<Env
 #[derive(Default)]
 pub struct Contents<'a> {
     pub lights: Vec<Emitter>,
+    /// Name of each light, if the file names any.
+    pub light_names: Vec<Option<String>>,
     pub camera: Option<Camera>,
     pub environment: Option<EnvironmentReader<'a>>,
     pub defaults: PartialSettings,
@@ -192,8 +244,8 @@ impl Builder {
         })
     }
 
-    /// Builds the scene of the file `path`, which does not have a default light. A `requested`
-    /// environment replaces that of the file.
+    /// Builds the scene of the file `path`, which does not have a default light, unless the scene
+    /// is far from the origin. All its positions are relative to the origin of the `options`.
     ///
     /// # Errors
     /// If the scene has no triangle, does not fit in memory, or is not valid.
@@ -201,16 +253,25 @@ impl Builder {
         mut self,
         path: &Path,
         contents: Contents<'_>,
-        requested: Option<&EnvironmentSource>,
-    ) -> Result<Imported> {
-        let Contents { defaults, meters, names, may_lack_light, .. } = contents;
+        options: &ImportOptions,
+    ) -> Result<ReadScene> {
+        if options.origin.is_none()
+            && let Some(center) = self.groups.bounds().far_center()
+        {
+            return Ok(ReadScene::Far(center));
+        }
+        let Contents { defaults, meters, mut names, may_lack_light, .. } = contents;
+        names.lights = contents.light_names.iter().flatten().cloned().collect();
+        let lit = contents.lights.iter().zip(&contents.light_names);
+        let lit = lit.filter(|(light, _)| shines(light));
+        let light_names = lit.map(|(_, name)| name.clone()).collect();
         let has_camera = contents.camera.is_some();
         let arrangement = self.arrange(path)?;
         let camera = match contents.camera {
             Some(camera) => camera,
             None => whole_view::camera(&arrangement.bounds())?,
         };
-        let environment = match (requested, contents.environment) {
+        let environment = match (options.environment, contents.environment) {
             (Some(source), own) => {
                 let environment = source.environment(&mut self.warnings)?;
                 self.warnings.extend(own.map(|_| replaced_environment(path)));
@@ -229,9 +290,10 @@ impl Builder {
             contents.regions,
             contents.ray_offset,
         )?;
-        let scene = scene.with_environment(environment);
+        let scene = scene.with_environment(environment).with_file_origin(options.origin());
+        let scene = scene.with_light_names(light_names);
         let scene = scene.with_filling_medium(contents.filling_medium)?;
-        Ok(Imported {
+        Ok(ReadScene::Complete(Box::new(Imported {
             file: path.to_owned(),
             scene,
             has_camera,
@@ -241,7 +303,7 @@ impl Builder {
             warnings,
             names,
             assembly: start.elapsed(),
-        })
+        })))
     }
 
     /// Arranges all meshes. Refuses a scene without triangles.
@@ -269,6 +331,15 @@ impl Builder {
         }
         Ok(arrangement)
     }
+}
+
+/// Whether a light has power once it is in a scene: that of parallel light depends on the scene.
+fn shines(light: &Emitter) -> bool {
+    let strength = match light {
+        Emitter::Directional(light) => light.irradiance,
+        other => other.power(),
+    };
+    luminance(strength) > 0.0
 }
 
 /// The name of the file, or that of its folder for the usual file name `scene.toml`.

@@ -5,7 +5,7 @@ use super::text::{decoded, open, read_bytes};
 use super::warnings::Warning;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
-use bdpm_core::image_io::{Metadata, Primaries, converted, read_exr_display};
+use bdpm_core::image_io::{Metadata, NOISY, Primaries, converted, read_exr_display};
 use bdpm_core::scene::{Environment, Inset, InsetGrid};
 use glam::DMat3;
 use std::path::{Path, PathBuf};
@@ -150,6 +150,8 @@ pub struct RadianceImage {
     pub size: (u32, u32),
     /// Radiance, W/(m^2 sr), row by row from the top left.
     pub pixels: Vec<Rgb>,
+    /// Standard error of the luminance of each pixel, W/(m^2 sr), if this program wrote it.
+    pub noise: Option<Vec<f32>>,
     /// Metadata of this program; empty for `.hdr` files and files of other programs.
     pub metadata: Metadata,
 }
@@ -174,11 +176,16 @@ pub fn read_radiance(path: &Path) -> Result<RadianceImage> {
                 Error::new("the image has no channels R, G and B", "give a color image").at(path)
             })?;
             let size = (image.width, image.height);
-            Ok(RadianceImage { size, pixels, metadata: image.metadata })
+            // The noise of an image is not that of what denoising made of it.
+            let is_denoised = image.layer(NOISY).is_some();
+            let noise = image.layer("rms").filter(|_| !is_denoised);
+            let noise = noise.and_then(|layer| layer.channel("Y")).map(<[f32]>::to_vec);
+            Ok(RadianceImage { size, pixels, noise, metadata: image.metadata })
         }
         "hdr" => {
             let (width, height, pixels) = read_hdr(path)?;
-            Ok(RadianceImage { size: (width, height), pixels, metadata: Metadata::new() })
+            let (size, metadata) = ((width, height), Metadata::new());
+            Ok(RadianceImage { size, pixels, noise: None, metadata })
         }
         _ => {
             let problem = "the image is neither an .exr nor an .hdr file";

@@ -9,6 +9,7 @@
 
 mod builder;
 mod environment;
+mod far;
 mod file_names;
 mod growth;
 mod gzip;
@@ -30,8 +31,8 @@ pub use builder::{FileNames, Imported};
 pub use environment::{EnvironmentSource, RadianceImage, read_radiance};
 pub use luminaires::frame as luminaire_frame;
 pub use read::{
-    ImportOptions, NamedMesh, SCENE_EXTENSIONS, camera_of, read, read_meshes, read_meters,
-    render_settings,
+    ImportOptions, NamedMesh, SCENE_EXTENSIONS, camera_of, parse_meters, read, read_meshes,
+    read_meters, render_settings,
 };
 pub use text::problems;
 pub use warnings::{Warning, WarningKind};

@@ -83,7 +83,7 @@ impl Builder {
         let hidden_from_camera = is_hidden;
         let material =
             self.add_material(Material { luminous_opening, hidden_from_camera, ..black });
-        let part = MaterialMesh { mesh: Arc::new(mesh), material };
+        let part = MaterialMesh::new(Arc::new(mesh), material);
         self.place(Some(&name), &[part], &Transform::IDENTITY).ok_or_else(|| {
             let problem = "the luminaire is outside of the range of coordinates";
             Error::new(problem, "scale the scene down")

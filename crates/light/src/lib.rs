@@ -9,6 +9,8 @@
 pub mod false_color;
 #[doc(hidden)] // public for the program
 pub mod glare;
+#[doc(hidden)] // public for the program
+pub mod grouped_intensities;
 #[cfg(feature = "pictures")]
 #[doc(hidden)] // public for the program
 pub mod isolines;

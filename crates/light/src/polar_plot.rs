@@ -1,10 +1,10 @@
-//! Luminous intensity distributions: beam and field angles, and the usual polar plot as SVG.
+//! Luminous intensity distributions: the usual polar plot as SVG.
 
 use bdpm_core::image_io::{number, tick_step};
 use bdpm_core::scene::IntensityDistribution;
 use std::fmt::Write;
 
-/// Steps of the curves and of the search for angles, degrees.
+/// Steps of the curves, degrees.
 const STEP: f64 = 0.1;
 
 /// Width and height of the plot.
@@ -16,34 +16,6 @@ const MARGIN: f64 = 44.0;
 fn profile(own: &IntensityDistribution, c: f64, angle: f64) -> f64 {
     let plane = if angle < 0.0 { c + 180.0 } else { c };
     own.intensity(own.direction(angle.abs().to_radians(), plane.to_radians()))
-}
-
-/// Angle between the directions of a plane in which the intensity falls to a share of its maximum
-/// in the plane, degrees: the beam angle for a share of .5 and the field angle for .1. The
-/// distribution is of type C. `None` if the plane is dark, or if the intensity does not fall that
-/// far on both sides.
-pub fn opening_angle(own: &IntensityDistribution, c: f64, share: f64) -> Option<f64> {
-    let steps = (180.0 / STEP) as i32;
-    let at = |step: i32| {
-        // The turn continues beyond the zenith.
-        let wrapped = (step + steps).rem_euclid(2 * steps) - steps;
-        profile(own, c, f64::from(wrapped) * STEP)
-    };
-    let peak = (-steps..steps).max_by(|a, b| {
-        // Of equal intensities, the one next to the nadir
-        at(*a).total_cmp(&at(*b)).then(b.abs().cmp(&a.abs()))
-    })?;
-    let limit = share * at(peak);
-    if limit <= 0.0 {
-        return None;
-    }
-    let end = |sign: i32| {
-        let step = (1..steps).find(|step| at(peak + sign * step) < limit)?;
-        let [before, after] = [step - 1, step].map(|step| at(peak + sign * step));
-        let part = (before - limit) / (before - after);
-        Some((f64::from(step - 1) + part) * STEP)
-    };
-    Some(end(1)? + end(-1)?)
 }
 
 /// A complete SVG file: the intensity over the angle from the nadir, in the planes C0-C180 (solid)
@@ -132,23 +104,6 @@ mod tests {
         let polar: Vec<f64> = (0..=360).map(|i| PI * f64::from(i) / 360.0).collect();
         let values = polar.iter().flat_map(|angle| [intensity(*angle); 2]).collect();
         IntensityDistribution::new(Photometry::C, polar, vec![0.0, TAU], values).unwrap()
-    }
-
-    #[test]
-    fn beam_and_field_angles_are_those_of_powers_of_the_cosine() {
-        for power in [1.0, 4.0, 30.0] {
-            let own = round(|angle| angle.cos().max(0.0).powf(power));
-            for share in [0.5f64, 0.1] {
-                let expected = 2.0 * share.powf(1.0 / power).acos().to_degrees();
-                let found = opening_angle(&own, 30.0, share).unwrap();
-                assert!((found - expected).abs() < 0.05, "{power} {share}: {found} {expected}");
-            }
-        }
-        assert_eq!(opening_angle(&round(|_| 1.0), 0.0, 0.5), None);
-        assert_eq!(opening_angle(&round(|_| 0.0), 0.0, 0.5), None);
-        // Upward, around the zenith
-        let up = round(|angle| (-angle.cos()).max(0.0));
-        assert!((opening_angle(&up, 0.0, 0.5).unwrap() - 120.0).abs() < 0.05);
     }
 
     #[test]

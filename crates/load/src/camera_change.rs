@@ -3,7 +3,7 @@
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::scene::{Camera, FieldOfView, Optics};
 use bdpm_import::camera_of;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use std::path::Path;
 use std::str::FromStr;
 
@@ -20,11 +20,11 @@ pub struct CameraChange<'a> {
     pub fov: Option<f32>,
 }
 
-/// A position and the point to look at.
+/// A position and the point to look at, in the coordinates of the scene's file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LookAt {
-    position: Vec3,
-    target: Vec3,
+    position: DVec3,
+    target: DVec3,
     /// If not given, the axis nearest to the camera's own up vector.
     up: Option<Vec3>,
 }
@@ -32,7 +32,7 @@ pub struct LookAt {
 impl LookAt {
     /// A camera at `position` that looks at `target`, with this up vector or the axis nearest to
     /// its own.
-    pub fn new(position: Vec3, target: Vec3, up: Option<Vec3>) -> Self {
+    pub fn new(position: DVec3, target: DVec3, up: Option<Vec3>) -> Self {
         Self { position, target, up }
     }
 }
@@ -42,14 +42,18 @@ impl FromStr for LookAt {
 
     /// Parses six or nine numbers separated by commas: position, target and up vector.
     fn from_str(text: &str) -> Result<Self> {
-        let numbers: Option<Vec<f32>> = text
+        let numbers: Option<Vec<f64>> = text
             .split(',')
-            .map(|word| word.trim().parse().ok().filter(|number: &f32| number.is_finite()))
+            .map(|word| {
+                word.trim().parse().ok().filter(|number: &f64| (*number as f32).is_finite())
+            })
             .collect();
         let numbers = numbers.unwrap_or_default();
-        let vector = |first: usize| numbers.get(first..first + 3).map(Vec3::from_slice);
+        let vector = |first: usize| numbers.get(first..first + 3).map(DVec3::from_slice);
         match (vector(0), vector(3), vector(6), numbers.len()) {
-            (Some(position), Some(target), up, 6 | 9) => Ok(Self { position, target, up }),
+            (Some(position), Some(target), up, 6 | 9) => {
+                Ok(Self { position, target, up: up.map(|up| up.as_vec3()) })
+            }
             _ => Err(Error::new(
                 format!("`{text}` is neither six nor nine numbers"),
                 "give position and target, such as 0,1,5,0,1,0, and optionally an up vector",
@@ -59,17 +63,22 @@ impl FromStr for LookAt {
 }
 
 impl CameraChange<'_> {
-    /// The changed camera, and the resolution of the scene that it is from.
+    /// The changed camera of a scene whose origin is at this point of its file, and the resolution
+    /// of the scene that the camera is from.
     ///
     /// # Errors
     /// If that scene cannot be read, or the camera cannot be changed in this way.
-    pub(super) fn apply(&self, camera: Camera) -> Result<(Camera, Option<[u32; 2]>)> {
+    pub(super) fn apply(
+        &self,
+        camera: Camera,
+        origin: DVec3,
+    ) -> Result<(Camera, Option<[u32; 2]>)> {
         let (mut camera, resolution) = match self.from {
-            Some(path) => camera_of(path)?,
+            Some(path) => camera_of(path, origin)?,
             None => (camera, None),
         };
         if let Some(look_at) = self.look_at {
-            camera = look_at.apply(&camera)?;
+            camera = look_at.apply(&camera, origin)?;
         }
         if let Some(degrees) = self.fov {
             let [direction, up] = camera.aim();
@@ -82,14 +91,16 @@ impl CameraChange<'_> {
 }
 
 impl LookAt {
-    fn apply(&self, camera: &Camera) -> Result<Camera> {
-        let direction = self.target - self.position;
+    fn apply(&self, camera: &Camera, origin: DVec3) -> Result<Camera> {
+        let [position, target] =
+            [self.position, self.target].map(|point| (point - origin).as_vec3());
+        let direction = target - position;
         let up = self.up.unwrap_or_else(|| upright_axis(camera, direction));
         let mut optics = camera.optics();
         if let Optics::ThinLens { focus_distance, .. } = &mut optics {
             *focus_distance = direction.length();
         }
-        Camera::with_optics(self.position, direction, up, optics)?.shifted(camera.shift())
+        Camera::with_optics(position, direction, up, optics)?.shifted(camera.shift())
     }
 }
 
@@ -139,16 +150,16 @@ mod tests {
         let look: LookAt = "0, 1,5, 0,1,0".parse().unwrap();
         let tilted = Vec3::new(0.1, 0.8, 0.5);
         let own = Camera::look(Vec3::ZERO, Vec3::X, tilted, FieldOfView::Y(30.0)).unwrap();
-        let camera = look.apply(&own).unwrap();
+        let camera = look.apply(&own, DVec3::ZERO).unwrap();
         assert_eq!((camera.position(), camera.direction()), (Vec3::new(0.0, 1.0, 5.0), -Vec3::Z));
         assert_eq!((camera.up(), camera.optics()), (Vec3::Y, own.optics()));
         let with_up: LookAt = "0,1,5,0,1,0,1,0,0".parse().unwrap();
-        assert_eq!(with_up.apply(&own).unwrap().up(), Vec3::X);
+        assert_eq!(with_up.apply(&own, DVec3::ZERO).unwrap().up(), Vec3::X);
         for bad in ["", "1,2,3", "1,2,3,4,5,6,7", "1,2,3,4,5,x", "1,2,3,4,5,nan"] {
             assert!(bad.parse::<LookAt>().is_err(), "{bad}");
         }
         assert_eq!(nearest_axis(Vec3::new(0.1, -0.9, 0.3)), -Vec3::Y);
         let down: LookAt = "0,9,0,0,0,0".parse().unwrap();
-        assert_eq!(down.apply(&own).unwrap().up(), Vec3::X);
+        assert_eq!(down.apply(&own, DVec3::ZERO).unwrap().up(), Vec3::X);
     }
 }

@@ -38,28 +38,13 @@ fn strongest(scene: &Scene) -> String {
             })
         }
         Some(first) if !of_all.is_finite() => match first.position() {
-            Some(position) => format!("; the strongest light is at {position}"),
+            Some(position) => {
+                format!("; the strongest light is at {}", scene.in_file(position))
+            }
             None => "; the strongest light is parallel".to_owned(),
         },
         _ => "; the environment is the strongest".to_owned(),
     }
-}
-
-/// Distance of a scene from the origin, over its size, from which on its image is noticeably wrong:
-/// 0.7 % at 10,000.
-const FAR: f32 = 1000.0;
-
-/// A warning that single precision rounds the positions of a scene too coarsely.
-pub(super) fn far_from_origin(scene: &Scene) -> Option<Warning> {
-    let away = scene.bounds().center().abs().max_element() / scene.size();
-    (away > FAR && away.is_finite()).then(|| Warning {
-        advice: Some("move the scene to the origin"),
-        ..Warning::chosen(format!(
-            "the scene is {away:.0} times its size away from the origin, where single precision \
-             rounds positions to {:.1e} of its size: light leaks and is lost",
-            away * f32::EPSILON
-        ))
-    })
 }
 
 /// Refuses a scene if anything was skipped.

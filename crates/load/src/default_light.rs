@@ -58,14 +58,14 @@ pub(super) fn with_light(
     let with_environment = check(&scene);
     let share = with_environment.lit_share();
     if share < min_lit {
-        let distance2 = with_environment.mean_distance2();
-        let Lamp { position, intensity } = Lamp::new(&scene, &*accel, distance2);
+        let Lamp { position, intensity } = Lamp::new(&scene, &*accel, &with_environment);
         let lamp = Emitter::Point { position, intensity: glam::Vec3::splat(intensity) };
         let with_lamp = scene.clone().with_light(lamp);
         if check(&with_lamp).lit_share() > share {
             let added = format!(
-                "{} and, because little of that gets in, a point light of {intensity} W/sr at {position}",
-                environment_text(white)
+                "{} and, because little of that gets in, a point light of {intensity} W/sr at {}",
+                environment_text(white),
+                scene.in_file(position)
             );
             warnings.push(warning(path, &problem, &added));
             return with_lamp;
@@ -98,12 +98,13 @@ struct Lamp {
 
 impl Lamp {
     /// A lamp half way from the camera to the surface above it. A white surface that faces the lamp
-    /// at the distance whose square is `distance2` has radiance 1.
-    fn new(scene: &Scene, accel: &dyn Intersect, distance2: f32) -> Self {
+    /// at the typical distance of what the camera sees has radiance 1.
+    fn new(scene: &Scene, accel: &dyn Intersect, seen: &LitCheck) -> Self {
         let camera = &scene.camera;
         let hit = accel.closest_hit(&Ray::new(camera.position(), camera.up()));
         let position = camera.position() + 0.5 * hit.t.min(scene.size()) * camera.up();
-        Self { position, intensity: PI * distance2.clamp(f32::MIN_POSITIVE, f32::MAX / 8.0) }
+        let distance2 = seen.mean_distance2().clamp(f32::MIN_POSITIVE, f32::MAX / 8.0);
+        Self { position, intensity: PI * distance2 }
     }
 }
 

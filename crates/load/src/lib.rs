@@ -115,7 +115,7 @@ pub fn export(loaded: &Loaded, origin: &str, folder: &Path, replace: bool) -> Re
 
 impl<'a> LoadOptions<'a> {
     fn import(&self) -> ImportOptions<'a> {
-        ImportOptions { camera: self.camera, environment: self.environment }
+        ImportOptions { camera: self.camera, environment: self.environment, origin: None }
     }
 }
 
@@ -134,9 +134,9 @@ fn complete(imported: Imported, path: &Path, options: &LoadOptions) -> Result<Lo
     } = imported;
     let change = options.camera_change;
     if !has_camera {
-        warnings.extend(default_camera::warning(&scene.camera, &change, &file));
+        warnings.extend(default_camera::warning(&scene, &change, &file));
     }
-    let (camera, resolution) = change.apply(scene.camera)?;
+    let (camera, resolution) = change.apply(scene.camera, scene.file_origin())?;
     scene.camera = camera;
     defaults.resolution = resolution.or(defaults.resolution);
     if may_lack_light && options.environment.is_none() && !options.no_fallback_light {
@@ -146,7 +146,6 @@ fn complete(imported: Imported, path: &Path, options: &LoadOptions) -> Result<Lo
         assembly += start.elapsed();
     }
     checks::require_light(&scene).map_err(|error| error.at(&file))?;
-    warnings.extend(checks::far_from_origin(&scene));
     if options.strict {
         checks::require_complete(&warnings).map_err(|error| error.at(path))?;
     }

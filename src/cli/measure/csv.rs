@@ -16,13 +16,13 @@ fn table(measurement: &Measurement) -> csv::Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record([
         "name", "row", "column", "lights", "unit", "value", "expanded", "noise", "bias", "direct",
-        "indirect",
+        "indirect", "x", "y", "z",
     ])?;
     for set in &measurement.sets {
         let all = std::iter::once(("all", &set.readings));
         let groups = set.groups.iter().map(|(name, readings, _)| (&name[..], readings));
         for (lights, readings) in all.chain(groups) {
-            for (index, reading) in (0..).zip(readings) {
+            for ((index, reading), place) in (0..).zip(readings).zip(&set.places) {
                 let (row, column) = (index / set.grid[0], index % set.grid[0]);
                 let Reading { value, noise, bias, expanded, direct } = *reading;
                 let numbers = [value, expanded, noise, bias, direct, reading.indirect()];
@@ -32,7 +32,8 @@ fn table(measurement: &Measurement) -> csv::Result<Vec<u8>> {
                 // Readings that are unknown are empty.
                 let field =
                     |number: f64| if number.is_nan() { String::new() } else { number.to_string() };
-                let fields = texts.into_iter().chain(numbers.map(field));
+                let position = place.position.to_array().map(|number| number.to_string());
+                let fields = texts.into_iter().chain(numbers.map(field)).chain(position);
                 writer.write_record(fields)?;
             }
         }
@@ -58,7 +59,7 @@ mod tests {
     fn unknown_readings_are_empty() {
         let set = SetReadings::single("desk", MeterKind::Irradiance, Reading::unknown());
         let table = String::from_utf8(table(&measurement(vec![set])).unwrap()).unwrap();
-        assert!(table.lines().any(|row| row == "desk,0,0,all,lx,,,,,,"), "{table}");
+        assert!(table.lines().any(|row| row == "desk,0,0,all,lx,,,,,,,0,0,0"), "{table}");
     }
 
     fn measurement(sets: Vec<SetReadings>) -> Measurement {

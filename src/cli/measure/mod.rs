@@ -83,7 +83,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
     outputs::check(&files)?;
     let input = SceneInput::load(session)?;
     let sets = match &args.meters {
-        Some(path) => read_meters(path)?,
+        Some(path) => read_meters(path, &input.loaded.scene)?,
         None => input.loaded.meters.clone(),
     };
     let map_files = map_files(args.maps.as_deref(), &sets)?;

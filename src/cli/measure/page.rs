@@ -5,15 +5,19 @@ use crate::cli::human_time;
 use bdpm::Measurement;
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::Result;
-use bdpm::measurement::{Estimated, Reading, SetReadings, quantity};
+use bdpm::measurement::{Estimated, MeterPlace, Reading, SetReadings, quantity};
 use bdpm::report::number::fixed;
 use bdpm::report::picture::{Colors, Picture};
 use bdpm::report::{document, header, table};
 use maud::{Markup, html};
 use std::path::Path;
 
-/// Grids are drawn with cells of at least one pixel; the page scales them up without smoothing.
-const STYLE: &str = "img{image-rendering:pixelated}";
+/// Grids are drawn with one pixel for each cell; the page scales them up without smoothing, to the
+/// same width for all, with the scale beside them.
+const STYLE: &str = "img{image-rendering:pixelated}\
+    .picture{display:flex;flex-wrap:wrap;gap:.5rem 1.5rem;align-items:center}\
+    .picture .pixels{flex:0 1 26rem}.picture .pixels img{width:100%;height:auto}\
+    .picture .scale{flex:0 1 16rem}.picture figcaption{flex:0 0 100%}";
 
 /// Writes the page.
 pub fn write(path: &Path, scene: &str, measurement: &Measurement) -> Result<()> {
@@ -48,21 +52,43 @@ fn page(scene: &str, measurement: &Measurement) -> Markup {
 /// One row per single meter, rows for mean, minimum and maximum of grids, and rows for groups of
 /// lights.
 fn readings(measurement: &Measurement) -> Markup {
-    let names =
-        ["*meter", "*lights", "value", "uncertainty", "noise", "bias", "direct", "indirect"];
+    let names = [
+        "*meter",
+        "*position",
+        "*lights",
+        "value",
+        "uncertainty",
+        "noise",
+        "bias",
+        "direct",
+        "indirect",
+    ];
     let rows = html! {
         (header(&names))
         tbody {
             @for set in &measurement.sets {
                 @let single = set.readings.len() == 1;
                 @let label = if single { set.name.clone() } else { format!("{}: mean", set.name) };
-                (row(&label, "all", set, &set.mean))
-                @for (group, _, mean) in &set.groups { (row("", group, set, mean)) }
+                (row([&label, &place(set), "all"], set, &set.mean))
+                @for (group, _, mean) in &set.groups { (row(["", "", group], set, mean)) }
                 @if !single { (extremes(set)) }
             }
         }
     };
     table("readings", &html! { "Readings with half of the width of their 95 % intervals" }, &rows)
+}
+
+/// Position of a single meter, or of the first and the last one of a grid, scene units.
+fn place(set: &SetReadings) -> String {
+    let at = |place: &MeterPlace| {
+        let [x, y, z] = place.position.to_array().map(|x| (x * 1e4).round() / 1e4);
+        format!("({x}, {y}, {z})")
+    };
+    match &set.places[..] {
+        [] => String::new(),
+        [only] => at(only),
+        [first, .., last] => format!("{} to {}", at(first), at(last)),
+    }
 }
 
 fn extremes(set: &SetReadings) -> Markup {
@@ -82,6 +108,7 @@ fn extreme(label: &str, own: &Estimated, unit: &str) -> Markup {
         tr {
             td .text { (label) }
             td .text {}
+            td .text {}
             @if own.value.is_nan() {
                 td { "unknown" }
                 td {}
@@ -94,14 +121,14 @@ fn extreme(label: &str, own: &Estimated, unit: &str) -> Markup {
     }
 }
 
-fn row(label: &str, lights: &str, set: &SetReadings, reading: &Reading) -> Markup {
+/// A row with its texts: meter, position and lights.
+fn row(texts: [&str; 3], set: &SetReadings, reading: &Reading) -> Markup {
     let Reading { value, noise, bias, expanded, direct } = *reading;
     let shown = |value: f64| fixed(value, digits(reading));
     if !reading.is_known() {
         return html! {
             tr {
-                td .text { (label) }
-                td .text { (lights) }
+                @for text in texts { td .text { (text) } }
                 td { "unknown" }
                 @for _ in 0..5 { td {} }
             }
@@ -109,8 +136,7 @@ fn row(label: &str, lights: &str, set: &SetReadings, reading: &Reading) -> Marku
     }
     html! {
         tr {
-            td .text { (label) }
-            td .text { (lights) }
+            @for text in texts { td .text { (text) } }
             td { (shown(value)) " " (set.unit()) }
             td { "±" (shown(expanded)) }
             @for number in [noise, bias, direct, reading.indirect()] { td { (shown(number)) } }

@@ -42,6 +42,10 @@ struct SetReport<'a> {
     /// Minimum over the maximum.
     diversity: f64,
     diversity_expanded: f64,
+    /// Row by row: positions in the coordinates of the scene's file, and unit vectors along the
+    /// normals of planes or the axes of cones.
+    positions: Vec<[f64; 3]>,
+    normals: Vec<[f32; 3]>,
     /// Row by row.
     readings: Vec<ReadingReport>,
     /// Readings under each group of lights alone. Their errors are independent.
@@ -109,6 +113,8 @@ impl<'a> SetReport<'a> {
             uniformity_expanded: uniformity.expanded,
             diversity: diversity.value,
             diversity_expanded: diversity.expanded,
+            positions: set.places.iter().map(|place| place.position.to_array()).collect(),
+            normals: set.places.iter().map(|place| place.normal.to_array()).collect(),
             readings: readings(&set.readings),
             groups: set.groups.iter().map(group).collect(),
         }

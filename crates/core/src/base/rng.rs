@@ -26,6 +26,8 @@ pub enum Stream {
     Denoiser = 9,
     /// One stream per light path of a goniophotometer.
     Goniometer = 10,
+    /// One stream per band of the half space in which an eye sees luminaires.
+    Glare = 30,
     /// One stream per light path that finds out which light arrives at meters by mirrors and
     /// through glass.
     MeterPilot = 31,

@@ -1,6 +1,6 @@
 //! Light sources by name, and scenes that have only some of them.
 
-use super::{Arrangement, Material, Scene};
+use super::{Arrangement, FileFacts, Material, Scene};
 use crate::base::error::Result;
 use crate::base::math::Rgb;
 
@@ -16,11 +16,11 @@ pub enum LightSource {
 }
 
 impl Scene {
-    /// All light sources with their names: `light 1` and so on, names of materials, and
-    /// `environment`.
+    /// All light sources with their names: those of the file, else `light 1` and so on, names of
+    /// materials, and `environment`.
     pub fn light_sources(&self) -> Vec<(LightSource, String)> {
         let lights = (0..self.lights_without_surface())
-            .map(|index| (LightSource::Light(index), format!("light {}", index + 1)));
+            .map(|index| (LightSource::Light(index), self.light_name(index)));
         let is_used = |index: usize| {
             self.placements.iter().any(|placement| placement.material as usize == index)
         };
@@ -39,8 +39,14 @@ impl Scene {
         lights.chain(materials).chain(environment).collect()
     }
 
+    /// Name of a light without a surface, by its number among those with power.
+    fn light_name(&self, index: usize) -> String {
+        let own = self.file.light_names.get(index).cloned().flatten();
+        own.unwrap_or_else(|| format!("light {}", index + 1))
+    }
+
     /// Number of the lights without a surface, which are the first emitters.
-    fn lights_without_surface(&self) -> usize {
+    pub(super) fn lights_without_surface(&self) -> usize {
         // A luminous opening is one emitter with many sides.
         let first = self.emitting.iter().map(|(_, emitter)| *emitter as usize).min();
         first.unwrap_or(self.lights.emitters().len())
@@ -81,7 +87,13 @@ impl Scene {
             self.regions.clone(),
             self.own_ray_offset(),
         )?;
-        let scene = Self { meters: self.meters.clone(), ..scene };
+        let light_names = (0..self.lights_without_surface())
+            .filter(|index| sources.contains(&LightSource::Light(*index)))
+            .map(|index| self.file.light_names.get(index).cloned().flatten())
+            .collect();
+        let (meters, origin) = (self.meters.clone(), self.file.origin);
+        let file = FileFacts { origin, light_names };
+        let scene = Self { meters, file, ..scene };
         let keeps_environment = sources.contains(&LightSource::Environment);
         let scene = scene.with_environment(environment.filter(|_| keeps_environment));
         scene.with_filling_medium(self.filling_medium.clone())

@@ -61,6 +61,7 @@ use crate::base::error::Result;
 use crate::base::math::Bounds;
 use crate::settings::combinations::SceneFacts;
 use diffuse::TriangleSide;
+use glam::{DVec3, Vec3};
 use hit::Lambertian;
 use lights::guide::Guide;
 use lights::visibility::Visibility;
@@ -68,6 +69,15 @@ use placement::Emitting;
 use start_media::StartMedia;
 use std::sync::Arc;
 use triangle::Corners;
+
+/// Facts about the file of a scene, on which no image depends.
+#[derive(Clone, Debug, Default)]
+struct FileFacts {
+    /// Point of its coordinates that is the origin of the scene.
+    origin: DVec3,
+    /// Name of each light without a surface that has power, if the file names any.
+    light_names: Arc<[Option<String>]>,
+}
 
 /// Everything that light meets. Clones share all large parts.
 #[derive(Clone, Debug)]
@@ -78,6 +88,7 @@ pub struct Scene {
     pub camera: Camera,
     /// Named parts of the image.
     pub regions: Vec<Region>,
+    file: FileFacts,
     /// Meters that take the place of the camera, if there are any.
     meters: Option<Arc<Meters>>,
     // The following fields depend on each other: to change one, build another scene.
@@ -206,17 +217,17 @@ impl Scene {
         let mut emitting: Vec<_> = facets.into_iter().filter_map(numbered).collect();
         emitting.sort_by_key(|(side, _)| *side);
         let emitting = emitting.into();
-        let lights = Lights::new(emitters);
         Ok(Self {
             name,
             camera,
             regions,
+            file: FileFacts::default(),
             meters: None,
             meshes: meshes.into(),
             placements: placements.into(),
             lambertian: materials.iter().map(Lambertian::of).collect(),
             materials: materials.into(),
-            lights,
+            lights: Lights::new(emitters),
             bounds,
             ray_offset,
             has_own_ray_offset,
@@ -228,6 +239,42 @@ impl Scene {
             first_triangle: first_triangle.into(),
             emitting,
         })
+    }
+
+    /// The scene with names of its lights without a surface, in the order of those that have
+    /// power. Names do not change any image.
+    #[must_use]
+    pub fn with_light_names(self, names: Vec<Option<String>>) -> Self {
+        // Rounding may leave a light without power. Names must not go to other lights.
+        if names.len() != self.lights_without_surface() {
+            return self;
+        }
+        Self { file: FileFacts { light_names: names.into(), ..self.file }, ..self }
+    }
+
+    /// Names of the lights without a surface that have power, if the file names any. They are the
+    /// first emitters.
+    pub fn light_names(&self) -> &[Option<String>] {
+        &self.file.light_names
+    }
+
+    /// The scene with this point of the coordinates of its file as its origin.
+    #[must_use]
+    pub fn with_file_origin(self, file_origin: DVec3) -> Self {
+        Self { file: FileFacts { origin: file_origin, ..self.file }, ..self }
+    }
+
+    /// Point of the coordinates of its file that is the origin of the scene: zero, except for
+    /// scenes that are far from the origin of their file.
+    pub fn file_origin(&self) -> DVec3 {
+        self.file.origin
+    }
+
+    /// A position of the scene in the coordinates of its file, with the decimal digits that single
+    /// precision has: 0.1 stays 0.1.
+    pub fn in_file(&self, position: Vec3) -> DVec3 {
+        let decimal = |x: f32| x.to_string().parse().unwrap_or_else(|_| f64::from(x));
+        DVec3::from_array(position.to_array().map(decimal)) + self.file.origin
     }
 
     /// All meshes, those with several placements once.
@@ -266,7 +313,7 @@ impl Scene {
     }
 
     /// Distance off a surface at this position at which rays start, scene units.
-    pub(crate) fn offset_at(&self, position: glam::Vec3) -> f32 {
+    pub(crate) fn offset_at(&self, position: Vec3) -> f32 {
         Triangle::offset(position.abs().max_element()) + self.ray_offset
     }
 
@@ -294,6 +341,8 @@ impl Scene {
         self.lights.set_environment(environment);
         let next = |&(side, number): &(TriangleSide, u32)| (side, number + 1);
         self.emitting = self.emitting.iter().map(next).collect();
+        let names = self.file.light_names.iter().cloned();
+        self.file.light_names = std::iter::once(None).chain(names).collect();
         self
     }
 

@@ -3,7 +3,6 @@
 use super::Triangle;
 use crate::accel::{TriangleMesh, instance_transform};
 use crate::base::error::{Error, Result};
-use crate::base::math::Bounds;
 use glam::{DAffine3, DMat3, DMat4, DVec3, Vec3};
 
 /// Maximum coordinate, scene units: the limit of the intersection backends.
@@ -154,14 +153,27 @@ impl Transform {
         instance_transform(self.map).is_ok() && self.magnification < 100.0
     }
 
-    /// Largest coordinate of the transformed corners of a box; arbitrary if the box is empty.
-    pub fn reach(&self, Bounds { min, max }: &Bounds) -> f64 {
-        let sides = [min.as_dvec3(), max.as_dvec3()];
-        (0..8).fold(0.0, |reach: f64, corner| {
-            let corner = [0, 1, 2].map(|axis| sides[corner >> axis & 1][axis]);
-            let moved = self.map.transform_point3(DVec3::from_array(corner));
-            reach.max(moved.abs().max_element())
-        })
+    /// Transforms a point in double precision.
+    pub fn point_exact(&self, point: DVec3) -> DVec3 {
+        self.map.transform_point3(point)
+    }
+
+    /// This transform for a mesh whose positions are relative to `origin`, a point in the
+    /// coordinates that the transform is for.
+    #[must_use]
+    pub fn relative_from(&self, origin: DVec3) -> Self {
+        if origin == DVec3::ZERO {
+            return *self;
+        }
+        let translation = self.map.transform_point3(origin);
+        Self { map: DAffine3 { translation, ..self.map }, ..*self }
+    }
+
+    /// This transform with results relative to `origin`.
+    #[must_use]
+    pub fn relative_to(&self, origin: DVec3) -> Self {
+        let translation = self.map.translation - origin;
+        Self { map: DAffine3 { translation, ..self.map }, ..*self }
     }
 
     /// Transforms a triangle; its offset covers the rounding errors of rays that an instance

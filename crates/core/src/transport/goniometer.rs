@@ -24,6 +24,8 @@ use std::f64::consts::{PI, TAU};
 const BATCH: u32 = 4096;
 /// Batches whose sums are in memory at a time.
 const BATCHES: u32 = 64;
+/// Maximum number of groups of iterations whose sums are kept apart.
+const GROUPS: usize = 8;
 
 /// The directions in which a goniophotometer measures.
 #[derive(Clone, Debug)]
@@ -119,7 +121,10 @@ pub struct Goniometer {
     iterations: u64,
     /// For each node the sum over iterations of its flux, W, and of the square.
     nodes: Vec<[f64; 2]>,
-    /// The same of the flux of all paths that leave.
+    /// For each group of iterations the number of its iterations, and the flux of each node.
+    /// Iterations take turns in joining the groups.
+    groups: Vec<(u64, Vec<f64>)>,
+    /// Sum over iterations of the flux of all paths that leave, W, and of the square.
     total: [f64; 2],
 }
 
@@ -156,7 +161,8 @@ impl Goniometer {
             return Err(Error::new(problem, "remove the medium between all objects"));
         }
         let nodes = vec![[0.0; 2]; grid.nodes()];
-        Ok(Self { grid, seed, light_paths, iterations: 0, nodes, total: [0.0; 2] })
+        let groups = Vec::new();
+        Ok(Self { grid, seed, light_paths, iterations: 0, nodes, groups, total: [0.0; 2] })
     }
 
     /// Number of iterations so far.
@@ -191,6 +197,13 @@ impl Goniometer {
             *sum += flux * per_path;
             *square += (flux * per_path).powi(2);
         };
+        let group = (self.iterations % GROUPS as u64) as usize;
+        if group == self.groups.len() {
+            self.groups.push((0, vec![0.0; nodes.len()]));
+        }
+        let (count, of_group) = &mut self.groups[group];
+        *count += 1;
+        of_group.iter_mut().zip(&nodes).for_each(|(sum, flux)| *sum += flux * per_path);
         self.nodes.iter_mut().zip(nodes).for_each(|(sums, flux)| add(sums, flux));
         add(&mut self.total, total);
         self.iterations += 1;
@@ -267,6 +280,23 @@ impl Goniometer {
             }
         }
         all
+    }
+
+    /// Intensities of independent groups of iterations: the number of iterations of each, and the
+    /// intensity of each node, cd, in the order of [`Self::intensities`].
+    pub fn groups(&self) -> Vec<(u64, Vec<f64>)> {
+        let planes = self.grid.planes;
+        let of_row = |iterations: f64, row: usize, nodes: &[f64]| -> Vec<f64> {
+            let factor = f64::from(LUMENS_PER_WATT) / self.grid.solid_angle(row) / iterations;
+            let is_pole = self.grid.is_pole(row);
+            (0..planes).map(|plane| factor * nodes[if is_pole { 0 } else { plane }]).collect()
+        };
+        let of_group = |(iterations, nodes): &(u64, Vec<f64>)| {
+            let rows = nodes.chunks(planes).enumerate();
+            let values = rows.flat_map(|(row, nodes)| of_row(*iterations as f64, row, nodes));
+            (*iterations, values.collect())
+        };
+        self.groups.iter().map(of_group).collect()
     }
 
     /// The measured distribution, cd, bilinear between the nodes. Its flux is that of all paths.

@@ -4,8 +4,8 @@ use crate::read::extension;
 use crate::read::toml::keys::meters_alone;
 use crate::text;
 use bdpm_core::base::error::{Error, Result};
-use bdpm_core::scene::{Meter, MeterKind, MeterSet};
-use glam::Vec3;
+use bdpm_core::scene::{Meter, MeterKind, MeterSet, Scene};
+use glam::DVec3;
 use std::path::Path;
 
 /// Columns that every table has, in this order.
@@ -15,16 +15,17 @@ const COLUMNS: [&str; 7] = ["name", "x", "y", "z", "nx", "ny", "nz"];
 /// meters measure illuminance.
 const OPENING: &str = "opening_deg";
 
-/// Reads meters from a file: `[[meter]]` tables of a `.toml` file, or the rows of a `.csv` file
-/// with a header `name,x,y,z,nx,ny,nz` and optionally `opening_deg`.
+/// Reads meters of a scene from a file: `[[meter]]` tables of a `.toml` file, or the rows of a
+/// `.csv` file with a header `name,x,y,z,nx,ny,nz` and optionally `opening_deg`. Positions are in
+/// the coordinates of the scene's file.
 ///
 /// # Errors
 /// If the file cannot be read, or a row is not valid; names its line.
-pub fn read_meters(path: &Path) -> Result<Vec<MeterSet>> {
-    let content = text::read(path)?;
+pub fn read_meters(path: &Path, scene: &Scene) -> Result<Vec<MeterSet>> {
+    let (content, origin) = (text::read(path)?, scene.file_origin());
     match &extension(path)[..] {
-        "toml" => meters_alone(path, &content),
-        "csv" => parse_csv(path, &content),
+        "toml" => meters_alone(path, &content, origin),
+        "csv" => parse_csv(path, &content, origin),
         _ => {
             let problem = "the table of meters is neither a .csv nor a .toml file";
             Err(Error::new(problem, "give a file ending in .csv or .toml").at(path))
@@ -32,7 +33,15 @@ pub fn read_meters(path: &Path) -> Result<Vec<MeterSet>> {
     }
 }
 
-fn parse_csv(path: &Path, content: &str) -> Result<Vec<MeterSet>> {
+/// Reads meters of a scene from the text of `[[meter]]` tables; errors name `origin` as their file.
+///
+/// # Errors
+/// Names the line of a table that is not valid.
+pub fn parse_meters(origin: &Path, text: &str, scene: &Scene) -> Result<Vec<MeterSet>> {
+    meters_alone(origin, text, scene.file_origin())
+}
+
+fn parse_csv(path: &Path, content: &str, origin: DVec3) -> Result<Vec<MeterSet>> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(content.as_bytes());
     let header = reader.headers().map_err(|error| csv_error(path, &error))?.clone();
     let names: Vec<&str> = header.iter().collect();
@@ -51,7 +60,7 @@ fn parse_csv(path: &Path, content: &str) -> Result<Vec<MeterSet>> {
         let line = record.position().map_or(0, |position| position.line() as usize);
         let row = || record.iter().collect::<Vec<_>>().join(",");
         let place = |error: Error| error.at(path).line(line, row());
-        sets.push(set(&record, has_opening).map_err(place)?);
+        sets.push(set(&record, has_opening, origin).map_err(place)?);
     }
     if sets.is_empty() {
         return Err(Error::new("the table has no meters", "add a row for each meter").at(path));
@@ -59,20 +68,20 @@ fn parse_csv(path: &Path, content: &str) -> Result<Vec<MeterSet>> {
     Ok(sets)
 }
 
-fn set(record: &csv::StringRecord, has_opening: bool) -> Result<MeterSet> {
+fn set(record: &csv::StringRecord, has_opening: bool, origin: DVec3) -> Result<MeterSet> {
     let number = |column: usize| {
-        record[column].parse::<f32>().map_err(|_| {
+        record[column].parse::<f64>().map_err(|_| {
             let name = COLUMNS.get(column).unwrap_or(&OPENING);
             let problem = format!("`{name}` is `{}`", &record[column]);
             Error::new(problem, "give a number")
         })
     };
     let vector = |first: usize| {
-        Ok::<_, Error>(Vec3::new(number(first)?, number(first + 1)?, number(first + 2)?))
+        Ok::<_, Error>(DVec3::new(number(first)?, number(first + 1)?, number(first + 2)?))
     };
-    let (position, normal) = (vector(1)?, vector(4)?);
+    let (position, normal) = ((vector(1)? - origin).as_vec3(), vector(4)?.as_vec3());
     if has_opening && !record[COLUMNS.len()].is_empty() {
-        let half = (0.5 * number(COLUMNS.len())?).to_radians();
+        let half = (0.5 * number(COLUMNS.len())? as f32).to_radians();
         let meter = Meter::radiance(position, normal, half)?;
         return Ok(MeterSet::single(&record[0], MeterKind::Radiance, meter));
     }
@@ -93,9 +102,10 @@ fn csv_error(path: &Path, error: &csv::Error) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
 
     fn parse(content: &str) -> Result<Vec<MeterSet>> {
-        parse_csv(Path::new("m.csv"), content)
+        parse_csv(Path::new("m.csv"), content, DVec3::ZERO)
     }
 
     #[test]

@@ -10,26 +10,19 @@ mod pbrt;
 mod ply;
 pub mod toml;
 
-pub use meters::read_meters;
+pub use meters::{parse_meters, read_meters};
 pub use toml::keys::render_settings;
 pub use toml::{NamedMesh, read_meshes};
 
-use super::builder::Imported;
-use super::environment::EnvironmentSource;
+pub use super::builder::ImportOptions;
+
+use super::builder::{Imported, ReadScene};
 use super::text::{self, placed_at};
 use bdpm_core::base::error::{Error, Result};
 pub use bdpm_core::base::input::extension;
 use bdpm_core::scene::Camera;
+use glam::DVec3;
 use std::path::Path;
-
-/// Options for reading a scene.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct ImportOptions<'a> {
-    /// Name of a camera in a glTF or Mitsuba file.
-    pub camera: Option<&'a str>,
-    /// Environment that replaces that of the file.
-    pub environment: Option<&'a EnvironmentSource>,
-}
 
 /// Extensions of scene files, in lower case.
 pub const SCENE_EXTENSIONS: &[&str] = &["toml", "gltf", "glb", "obj", "xml", "pbrt"];
@@ -62,27 +55,33 @@ pub fn read(path: &Path, options: &ImportOptions) -> Result<Imported> {
             format!("there is no camera `{name}`: only glTF and Mitsuba files have named cameras");
         return Err(Error::new(problem, "name no camera").at(path));
     }
-    let read = match &extension[..] {
-        "gltf" | "glb" => gltf::read(path, options),
-        "toml" => toml::read(path, options),
-        "obj" => obj::read(path, options),
-        "xml" => mitsuba::read(path, options),
-        "pbrt" => pbrt::read(path, options),
-        "blend" => Err(Error::new("files of Blender cannot be read", FROM_BLENDER)),
-        other => Err(Error::new(format!("scenes of type `.{other}` cannot be read"), KNOWN_TYPES)),
+    let read_file = match &extension[..] {
+        "gltf" | "glb" => gltf::read,
+        "toml" => toml::read,
+        "obj" => obj::read,
+        "xml" => mitsuba::read,
+        "pbrt" => pbrt::read,
+        "blend" => {
+            return Err(Error::new("files of Blender cannot be read", FROM_BLENDER).at(path));
+        }
+        other => {
+            let problem = format!("scenes of type `.{other}` cannot be read");
+            return Err(Error::new(problem, KNOWN_TYPES).at(path));
+        }
     };
+    let read = ReadScene::near(options, |options| read_file(path, options));
     read.map_err(|error| placed_at(error, path))
 }
 
-/// The camera of a scene, and the resolution that its file gives. Of a scene file in TOML, only
-/// `[camera]` and `[render]` are read.
+/// The camera of a scene for one whose origin is at this point, and the resolution that its file
+/// gives. Of a scene file in TOML, only `[camera]` and `[render]` are read.
 ///
 /// # Errors
 /// In the cases of [`read`].
-pub fn camera_of(path: &Path) -> Result<(Camera, Option<[u32; 2]>)> {
+pub fn camera_of(path: &Path, origin: DVec3) -> Result<(Camera, Option<[u32; 2]>)> {
     if extension(path) == "toml" {
-        return toml::keys::camera_alone(path, &text::read(path)?);
+        return toml::keys::camera_alone(path, &text::read(path)?, origin);
     }
-    let imported = read(path, &ImportOptions::default())?;
+    let imported = read(path, &ImportOptions { origin: Some(origin), ..ImportOptions::default() })?;
     Ok((imported.scene.camera, imported.defaults.resolution))
 }

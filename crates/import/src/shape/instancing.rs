@@ -1,10 +1,11 @@
 //! Decides for each mesh whether the scene stores it once and instantiates it, or copies it to each
 //! placement.
 
+use crate::far::DBounds;
 use bdpm_core::accel::TriangleMesh;
-use bdpm_core::base::math::Bounds;
 use bdpm_core::scene::transform::Transform;
 use bdpm_core::scene::{Arrangement, Mesh, Placement, triangle_area};
+use glam::DVec3;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -24,6 +25,15 @@ const MAX_REACH: f64 = TriangleMesh::MAX_COORDINATE as f64 * 0.999;
 pub struct MaterialMesh {
     pub mesh: Arc<Mesh>,
     pub material: u32,
+    /// Point to which the positions of the mesh are relative, in the coordinates of its file.
+    pub origin: DVec3,
+}
+
+impl MaterialMesh {
+    /// A mesh whose positions are those of its file.
+    pub fn new(mesh: Arc<Mesh>, material: u32) -> Self {
+        Self { mesh, material, origin: DVec3::ZERO }
+    }
 }
 
 /// Groups of meshes, as files define them, with all their placements.
@@ -37,8 +47,9 @@ pub struct MeshGroups {
 
 /// Meshes that are always placed together.
 struct MeshGroup {
-    meshes: Vec<Arc<Mesh>>,
-    bounds: Bounds,
+    /// Each with its origin in the coordinates of the group.
+    meshes: Vec<(Arc<Mesh>, DVec3)>,
+    bounds: DBounds,
     triangles: u64,
     /// Number of placements that an instance can have.
     instances: u64,
@@ -69,12 +80,15 @@ impl MeshGroups {
             self.groups.len() - 1
         });
         let group = &mut self.groups[index];
-        let is_instance = transform.suits_instances() && transform.reach(&group.bounds) < MAX_REACH;
+        let is_instance = transform.suits_instances() && reach(transform, group.bounds) < MAX_REACH;
         if is_instance {
             group.instances += 1;
         } else {
-            let mut points = group.meshes.iter().flat_map(|mesh| &mesh.positions);
-            points.try_for_each(|point| transform.point(*point).map(|_| ()))?;
+            for (mesh, origin) in &group.meshes {
+                let transform = transform.relative_from(*origin);
+                let mut points = mesh.positions.iter();
+                points.try_for_each(|point| transform.point(*point).map(|_| ()))?;
+            }
         }
         self.uses.push(GroupUse {
             group: index,
@@ -88,6 +102,19 @@ impl MeshGroups {
 
     pub fn is_empty(&self) -> bool {
         self.uses.is_empty()
+    }
+
+    /// A box around all placements. It is larger than they are where they are turned.
+    pub fn bounds(&self) -> DBounds {
+        let of_one = |one: &GroupUse| {
+            let corners = self.groups[one.group].bounds.corners();
+            corners.map(|corner| one.transform.point_exact(corner)).collect::<Vec<_>>()
+        };
+        self.uses
+            .iter()
+            .flat_map(of_one)
+            .filter(|p| p.is_finite())
+            .fold(DBounds::EMPTY, DBounds::with)
     }
 
     /// Number of triangles that the scene will store, including those without area.
@@ -113,9 +140,11 @@ impl MeshGroups {
                 Some(_) => *stored.entry(one.group).or_insert(next),
                 None => next,
             };
-            for ((source, material), mesh) in sources.zip(&one.materials).zip(first..) {
+            for (((source, origin), material), mesh) in sources.zip(&one.materials).zip(first..) {
+                let transform = transform.map(|map| map.relative_from(*origin));
+                let own = one.transform.relative_from(*origin);
                 if first == next {
-                    let moved = if transform.is_some() { None } else { Some(&one.transform) };
+                    let moved = if transform.is_some() { None } else { Some(&own) };
                     let name = one.name.as_ref().unwrap_or(&source.name).clone();
                     meshes.push(with_area(Mesh {
                         name,
@@ -143,10 +172,12 @@ impl MeshGroups {
 
 impl MeshGroup {
     fn new(parts: &[MaterialMesh]) -> Self {
-        let meshes: Vec<_> = parts.iter().map(|part| part.mesh.clone()).collect();
-        let points = meshes.iter().flat_map(|mesh| &mesh.positions).copied();
-        let bounds = points.fold(Bounds::EMPTY, Bounds::with);
-        let triangles = meshes.iter().map(|mesh| mesh.triangles.len() as u64).sum();
+        let meshes: Vec<_> = parts.iter().map(|part| (part.mesh.clone(), part.origin)).collect();
+        let points = meshes.iter().flat_map(|(mesh, origin)| {
+            mesh.positions.iter().map(move |point| point.as_dvec3() + *origin)
+        });
+        let bounds = points.fold(DBounds::EMPTY, DBounds::with);
+        let triangles = meshes.iter().map(|(mesh, _)| mesh.triangles.len() as u64).sum();
         Self { meshes, bounds, triangles, instances: 0 }
     }
 
@@ -154,6 +185,12 @@ impl MeshGroup {
         let copies = self.instances.saturating_sub(1).saturating_mul(self.triangles);
         self.instances > 1 && self.triangles >= MIN_TRIANGLES && copies >= MIN_COPIES
     }
+}
+
+/// Largest coordinate of the transformed corners of a box; arbitrary if the box is empty.
+fn reach(transform: &Transform, bounds: DBounds) -> f64 {
+    let moved = bounds.corners().map(|corner| transform.point_exact(corner));
+    moved.fold(0.0, |reach: f64, corner| reach.max(corner.abs().max_element()))
 }
 
 /// The mesh without its triangles of no area.

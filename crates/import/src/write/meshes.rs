@@ -8,7 +8,9 @@ use crate::text::list;
 use crate::warnings::Warning;
 use bdpm_core::base::error::Result;
 use bdpm_core::base::names::{Names, for_file, for_line};
+use bdpm_core::scene::transform::Transform;
 use bdpm_core::scene::{Mesh, Placement, Scene};
+use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -39,7 +41,10 @@ impl<'a> MeshFiles<'a> {
             let (file, material) = (&self.files[*mesh as usize], materials.quoted(*material));
             // Writing to strings cannot fail.
             let _ = write!(text, "\n[[mesh]]\nfile = \"{file}\"\nmaterial = {material}\n");
-            if let Some(transform) = transform {
+            let origin = self.scene.file_origin();
+            let far = (origin != DVec3::ZERO).then_some(Transform::IDENTITY);
+            if let Some(transform) = transform.or(far) {
+                let transform = transform.relative_to(-origin);
                 let _ = writeln!(text, "matrix = {:?}", transform.rows());
                 if transform.is_flipped() {
                     text += "flip = true\n";

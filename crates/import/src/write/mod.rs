@@ -53,16 +53,16 @@ pub fn export_scene(
     let mut text = tables::head(origin);
     text += &tables::ray_offset(scene.own_ray_offset());
     text += &media.key("medium", scene.filling_medium());
-    text += &tables::camera(&scene.camera);
+    text += &tables::camera(scene);
     text += &tables::render(defaults)?;
     text += &tables::regions(&scene.regions);
     let environment = scene.lights().environment();
     text += &environment.map(tables::environment).unwrap_or_default();
-    text += &tables::lights(scene.lights().emitters(), &mut warnings);
+    text += &tables::lights(scene, &mut warnings);
     text += &media.tables();
     text += &materials.tables(&mut textures)?;
     text += &meshes.tables(&materials, &mut warnings);
-    text += &tables::meters(meters);
+    text += &tables::meters(meters, scene);
 
     let mut out = ExportFolder::new(folder, replace);
     out.plan("scene.toml");

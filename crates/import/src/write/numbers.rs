@@ -1,8 +1,9 @@
 //! Numbers as text that parses to the same bits, and inverses of functions in floating point.
 
 use bdpm_core::base::math::Rgb;
+use bdpm_core::scene::Scene;
 use bdpm_core::scene::transform::normalized;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// Number of neighbors to try on either side.
 const NEAR: i64 = 256;
@@ -20,6 +21,15 @@ pub(super) fn number(x: f32) -> String {
 pub(super) fn point(p: Vec3) -> String {
     let [x, y, z] = p.to_array().map(number);
     format!("[{x}, {y}, {z}]")
+}
+
+/// A position of a scene, in the coordinates of its file.
+pub(super) fn position(p: Vec3, scene: &Scene) -> String {
+    if scene.file_origin() == DVec3::ZERO {
+        return point(p);
+    }
+    let [x, y, z] = scene.in_file(p).to_array();
+    format!("[{x:?}, {y:?}, {z:?}]")
 }
 
 /// One number if all channels are the same.

@@ -1,12 +1,12 @@
 //! The tables of a scene file besides meshes and materials.
 
-use super::numbers::{color, inverse, number, point, unnormalized};
+use super::numbers::{color, inverse, number, point, position, unnormalized};
 use crate::warnings::Warning;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::names::for_line;
 use bdpm_core::scene::transform::MAX_COORDINATE;
 use bdpm_core::scene::{
-    Camera, Emitter, Environment, Extent, FieldOfView, MeterKind, MeterSet, Optics, Region, Spot,
+    Emitter, Environment, Extent, FieldOfView, MeterKind, MeterSet, Optics, Region, Scene, Spot,
 };
 use bdpm_core::settings::PartialSettings;
 use glam::Vec3;
@@ -24,7 +24,8 @@ pub(super) fn head(origin: &str) -> String {
     format!("# Converted from `{}` by bdpm {version}.\n", for_line(origin, "a scene"))
 }
 
-pub(super) fn camera(camera: &Camera) -> String {
+pub(super) fn camera(scene: &Scene) -> String {
+    let camera = &scene.camera;
     let [direction, up] = camera.aim().map(within_bounds);
     let (kind, optics) = match camera.optics() {
         Optics::Pinhole(angle) => ("pinhole", field_of_view(angle)),
@@ -61,7 +62,7 @@ pub(super) fn camera(camera: &Camera) -> String {
     };
     format!(
         "\n[camera]\ntype = \"{kind}\"\nposition = {}\ndirection = {}\nup = {}\n{optics}{shift}",
-        point(camera.position()),
+        position(camera.position(), scene),
         point(direction),
         point(up)
     )
@@ -105,8 +106,8 @@ pub(super) fn regions(regions: &[Region]) -> String {
     if text.is_empty() { text } else { format!("\n[regions]\n{text}") }
 }
 
-/// `[[meter]]` tables.
-pub(super) fn meters(sets: &[MeterSet]) -> String {
+/// `[[meter]]` tables of meters of a scene.
+pub(super) fn meters(sets: &[MeterSet], scene: &Scene) -> String {
     let mut text = String::new();
     for MeterSet { name, kind, grid, frame, meters } in sets {
         let Some(meter) = meters.first() else { continue };
@@ -115,14 +116,14 @@ pub(super) fn meters(sets: &[MeterSet]) -> String {
         let keys = match (frame, kind) {
             (Some([corner, first, second]), _) => format!(
                 "corner = {}\nedges = [{}, {}]\ncolumns = {}\nrows = {}\nnormal = {axis}\n",
-                point(*corner),
+                position(*corner, scene),
                 point(*first),
                 point(*second),
                 grid[0],
                 grid[1]
             ),
             (None, MeterKind::Irradiance) => {
-                format!("position = {}\nnormal = {axis}\n", point(meter.position))
+                format!("position = {}\nnormal = {axis}\n", position(meter.position, scene))
             }
             (None, MeterKind::Radiance) => {
                 let half = meter.half_angle;
@@ -130,7 +131,7 @@ pub(super) fn meters(sets: &[MeterSet]) -> String {
                 let opening = inverse(half, guess, |degrees| (0.5 * degrees).to_radians());
                 format!(
                     "position = {}\ndirection = {axis}\nopening_deg = {}\n",
-                    point(meter.position),
+                    position(meter.position, scene),
                     number(opening.unwrap_or(guess))
                 )
             }
@@ -162,28 +163,34 @@ pub(super) fn environment(environment: &Environment) -> String {
 }
 
 /// All `[[light]]` tables. Emissive triangles are meshes.
-pub(super) fn lights(emitters: &[Emitter], warnings: &mut Vec<Warning>) -> String {
+pub(super) fn lights(scene: &Scene, warnings: &mut Vec<Warning>) -> String {
     let mut text = String::new();
     let (mut rounded, mut luminaires) = (0, 0);
     let along = |unit| point(unnormalized(unit));
-    let _ = emitters.iter().try_for_each(|emitter| match emitter {
-        Emitter::Point { position, intensity } => {
-            let (position, intensity) = (point(*position), color(*intensity));
-            writeln!(text, "\n[[light]]\ntype = \"point\"\nposition = {position}")?;
+    let names = scene.light_names().iter().map(Option::as_ref).chain(std::iter::repeat(None));
+    let named = scene.lights().emitters().iter().zip(names);
+    let head = |kind: &str, name: Option<&String>| {
+        let name = name.map(|name| format!("name = {}\n", toml::Value::String(name.clone())));
+        format!("\n[[light]]\ntype = \"{kind}\"\n{}", name.unwrap_or_default())
+    };
+    let _ = named.into_iter().try_for_each(|(emitter, name)| match emitter {
+        Emitter::Point { position: place, intensity } => {
+            let (place, intensity) = (position(*place, scene), color(*intensity));
+            writeln!(text, "{}position = {place}", head("point", name))?;
             writeln!(text, "intensity = {intensity}")
         }
         Emitter::Spot(spot) => {
             let ([inner, outer], exact) = cones(spot);
             rounded += usize::from(!exact);
-            let (position, direction) = (point(spot.position), along(spot.direction));
-            writeln!(text, "\n[[light]]\ntype = \"spot\"\nposition = {position}")?;
+            let (place, direction) = (position(spot.position, scene), along(spot.direction));
+            writeln!(text, "{}position = {place}", head("spot", name))?;
             writeln!(text, "direction = {direction}\ninner_deg = {}", number(inner))?;
             writeln!(text, "outer_deg = {}", number(outer))?;
             writeln!(text, "intensity = {}", color(spot.intensity))
         }
         Emitter::Directional(sun) => {
             let (direction, irradiance) = (along(sun.direction), color(sun.irradiance));
-            writeln!(text, "\n[[light]]\ntype = \"sun\"\ndirection = {direction}")?;
+            writeln!(text, "{}direction = {direction}", head("sun", name))?;
             writeln!(text, "irradiance = {irradiance}")
         }
         Emitter::Luminaire(_) | Emitter::Opening(_) => {

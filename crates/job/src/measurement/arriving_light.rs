@@ -100,16 +100,18 @@ pub(super) struct ArrivingLight<'a> {
 }
 
 impl<'a> ArrivingLight<'a> {
-    /// Starts to measure; `None` if no such light can arrive.
+    /// Starts to measure, and learns from where light arrives for about at most the time
+    /// `learning`; `None` if no such light can arrive.
     pub fn new(
         scene: &'a Scene,
         accel: &'a dyn Intersect,
         meters: &[Meter],
         sets: Vec<Range<usize>>,
         seed: u64,
+        learning: Option<Duration>,
     ) -> Option<Self> {
         let radius = RADIUS * scene.size();
-        let photons = MeterPhotons::new(scene, accel, meters, radius, seed)?;
+        let photons = MeterPhotons::new(scene, accel, meters, radius, seed, learning)?;
         let count = meters.len();
         let all = vec![DiscSums::default(); count + sets.len()];
         let levels = vec![0; all.len()];

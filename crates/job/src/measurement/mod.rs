@@ -14,11 +14,13 @@ mod mean_series;
 mod reading;
 mod render_meters;
 mod results;
+mod room_glare;
 mod warnings;
 
 pub use extremes::Estimated;
 pub use reading::{Reading, quantity, student_95, unit};
-pub use results::{Measurement, SetReadings};
+pub use results::{Measurement, MeterPlace, SetReadings};
+pub use room_glare::{LuminaireGlare, RoomGlare};
 
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::scene::backend::{self, Backend};
@@ -174,7 +176,7 @@ impl MeasureJob {
             .collect();
         let jobs = (groups.len() * kinds.len()) as u32;
         let mut measurement = Measurement {
-            sets: self.sets.iter().map(empty_readings).collect(),
+            sets: self.sets.iter().map(|set| empty_readings(set, &self.loaded.scene)).collect(),
             reached: true,
             time: Duration::ZERO,
             techniques: Vec::new(),
@@ -225,7 +227,7 @@ impl MeasureJob {
         if !self.by_light {
             return Ok(vec![("all lights".into(), Arc::clone(scene))]);
         }
-        // Materials of one name are one group.
+        // Lights and materials of one name are one group.
         let mut groups: Vec<(String, Vec<LightSource>)> = Vec::new();
         for (source, name) in scene.light_sources() {
             match groups.iter_mut().find(|(own, _)| *own == name) {

@@ -1,10 +1,10 @@
 //! The render job of the meters of one quantity under one group of lights.
 
-use super::MeasureJob;
 use super::arriving_light::ArrivingLight;
 use super::mean_series::MeanSeries;
 use super::reading::{Reading, quantity};
 use super::results::{are_dark, worst, worst_of};
+use super::{MIN_TIME, MeasureJob};
 use crate::job::{Event, RenderJob, RenderResult, RenderState};
 use bdpm_auto::adaptive::stopping::{Convergence, Stop, importance};
 use bdpm_core::accel::Intersect;
@@ -35,7 +35,10 @@ const CHECK_GROWTH: f64 = 1.03;
 /// Both together keep the target.
 const TARGET_SHARES: [f64; 2] = [0.85, 0.5];
 
-/// Share of the time for the photons at meters.
+/// Share of the time for learning from where light arrives at meters.
+const LEARNING_TIME: f64 = 0.1;
+
+/// Share of the time after learning for the photons at meters.
 const PHOTON_TIME: f64 = 0.3;
 
 /// Minimum number of iterations before a target counts as reached.
@@ -81,11 +84,16 @@ impl OneKind<'_> {
         // Luminance meters see no light without a surface, neither straight nor in mirrors.
         let has_photons = self.kind == MeterKind::Irradiance;
         let seed = self.job.settings.seed.or(self.job.loaded.defaults.seed).unwrap_or(1);
-        let new = || ArrivingLight::new(&scene, &**self.accel, list, self.columns(), seed);
+        let learning = time.map(|time| time.mul_f64(LEARNING_TIME));
+        let new =
+            || ArrivingLight::new(&scene, &**self.accel, list, self.columns(), seed, learning);
         let mut arriving = has_photons.then(|| self.on_threads(new)).flatten();
         let [share, photon_share] = if arriving.is_some() { TARGET_SHARES } else { [1.0; 2] };
         let render_time = match &arriving {
-            Some(_) => time.map(|time| time.mul_f64(1.0 - PHOTON_TIME)),
+            // Learning has taken a part of the time.
+            Some(_) => time.map(|time| {
+                time.saturating_sub(start.elapsed()).mul_f64(1.0 - PHOTON_TIME).max(MIN_TIME)
+            }),
             None => time,
         };
         let target_of_render = target.map(|target| share * target);

@@ -4,7 +4,8 @@ use super::extremes::{Estimated, extremes};
 use super::reading::{Reading, quantity, unit};
 use super::render_meters::{JobReadings, OfSet, technique};
 use super::warnings::unknown_bias;
-use bdpm_core::scene::{MeterKind, MeterSet};
+use bdpm_core::scene::{MeterKind, MeterSet, Scene};
+use glam::{DVec3, Vec3};
 use std::time::Duration;
 
 /// Minimum number of camera paths of a meter before none of them with light means that a group of
@@ -72,6 +73,15 @@ impl Measurement {
     }
 }
 
+/// Where a meter is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MeterPlace {
+    /// Position in the coordinates of the scene's file, scene units.
+    pub position: DVec3,
+    /// Unit normal of its plane, or unit axis of its cone.
+    pub normal: Vec3,
+}
+
 /// Readings of a set of meters.
 #[derive(Clone, Debug)]
 pub struct SetReadings {
@@ -81,6 +91,8 @@ pub struct SetReadings {
     pub kind: MeterKind,
     /// Columns and rows.
     pub grid: [u32; 2],
+    /// Places of all meters, row by row.
+    pub places: Vec<MeterPlace>,
     /// Readings of all meters, row by row.
     pub readings: Vec<Reading>,
     /// Mean over the meters.
@@ -94,11 +106,12 @@ pub struct SetReadings {
 }
 
 impl SetReadings {
-    /// Readings of a single meter.
+    /// Readings of a single meter at the origin.
     pub fn single(name: &str, kind: MeterKind, reading: Reading) -> Self {
         let (readings, mean) = (vec![reading], reading);
         let (groups, unseen) = (Vec::new(), Vec::new());
-        Self { name: name.to_owned(), kind, grid: [1, 1], readings, mean, groups, unseen }
+        let (name, places) = (name.to_owned(), vec![MeterPlace::default()]);
+        Self { name, kind, grid: [1, 1], places, readings, mean, groups, unseen }
     }
 
     /// Unit of the readings.
@@ -165,11 +178,16 @@ impl SetReadings {
     }
 }
 
-pub(super) fn empty_readings(set: &MeterSet) -> SetReadings {
+pub(super) fn empty_readings(set: &MeterSet, scene: &Scene) -> SetReadings {
+    let places = set
+        .meters
+        .iter()
+        .map(|meter| MeterPlace { position: scene.in_file(meter.position), normal: meter.normal });
     SetReadings {
         name: set.name.clone(),
         kind: set.kind,
         grid: set.grid,
+        places: places.collect(),
         readings: Vec::new(),
         mean: Reading::default(),
         groups: Vec::new(),

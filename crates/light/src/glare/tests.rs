@@ -1,6 +1,7 @@
 //! Ratings against closed forms and `evalglare`.
 
 use super::*;
+use bdpm_core::base::rng::{Stream, StreamKey};
 
 /// An image of the whole half-space in front of the eye with this luminance, cd/m^2.
 fn image(projection: FisheyeProjection, luminance: impl Fn(DVec3) -> f64) -> LuminanceImage {
@@ -169,4 +170,46 @@ fn position_index_grows_away_from_the_view_direction() {
     let below = (6.49e-3 * 29.899 + 21e-5 * 29.899f64.powi(2)).exp();
     assert!((at(-0.5, 0.0) - below).abs() < 1e-4, "{}", at(-0.5, 0.0));
     assert!(at(5.0, 0.0) <= MAX_INDEX);
+}
+
+/// The spread of the ratings of images with noise is that of the uncertainties.
+#[test]
+fn uncertainties_are_those_of_many_noisy_images() {
+    let source = DVec3::new(0.3, 0.2, 0.9).normalize();
+    let clean = |w: DVec3| if w.dot(source) > 0.995 { 9000.0 } else { 300.0 };
+    let side = 120;
+    let own = LuminanceImage::new(
+        (side, side),
+        &vec![Rgb::ZERO; (side * side) as usize],
+        FisheyeProjection::Equidistant,
+        PI,
+    );
+    let relative = 0.2;
+    let mut rng = StreamKey::new(3, Stream::Test, 0).rng(0);
+    let mut normal = || (0..12).map(|_| f64::from(rng.next_1d())).sum::<f64>() - 6.0;
+    let mut noisy = || {
+        let mut image = own.clone();
+        let mut variances = Vec::new();
+        for (direction, _, value) in &mut image.pixels {
+            let expected = clean(*direction);
+            *value = expected * (1.0 + relative * normal());
+            variances.push((relative * expected).powi(2));
+        }
+        image.variances = Some(variances);
+        Glare::new(&image, &SourceSearch::default())
+    };
+    let all: Vec<Glare> = (0..200).map(|_| noisy()).collect();
+    let check = |values: Vec<f64>, expanded: f64| {
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let squares = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+        let spread = NORMAL_95 * (squares / (count - 1.0)).sqrt();
+        // The standard deviation of 200 numbers is known to 5 %.
+        assert!((expanded / spread - 1.0).abs() < 0.2, "{expanded} {spread}");
+    };
+    let first = all[0].expanded.unwrap();
+    check(all.iter().map(|own| own.vertical_illuminance).collect(), first.vertical_illuminance);
+    check(all.iter().map(|own| own.dgp).collect(), first.dgp);
+    check(all.iter().map(|own| own.ugr.unwrap()).collect(), first.ugr.unwrap());
+    assert!(Glare::new(&own, &SourceSearch::default()).expanded.is_none());
 }

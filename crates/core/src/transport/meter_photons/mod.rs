@@ -16,6 +16,7 @@ use crate::scene::{Emission, Lights, Meter, Scene, Surface};
 pub use discs::{MeterDiscs, RADII, RATIO};
 use guide::{GuideGrid, GuidedStart, StartGuide};
 use rayon::prelude::*;
+use std::time::{Duration, Instant};
 
 /// Light paths of a batch, which one thread traces.
 const BATCH: u32 = 4096;
@@ -69,14 +70,16 @@ struct BatchSums {
 }
 
 impl<'a> MeterPhotons<'a> {
-    /// Photons for the meters, merged on discs of this radius and smaller ones, scene units. `None`
-    /// if no light is without a surface, or no surface passes light on.
+    /// Photons for the meters, merged on discs of this radius and smaller ones, scene units. Learns
+    /// from where light arrives for about at most the time `learning`. `None` if no light is
+    /// without a surface, or no surface passes light on.
     pub fn new(
         scene: &'a Scene,
         accel: &'a dyn Intersect,
         meters: &[Meter],
         radius: f32,
         seed: u64,
+        learning: Option<Duration>,
     ) -> Option<Self> {
         let emitters = scene.lights().emitters().iter();
         let lights = Lights::new(emitters.filter(|own| own.is_delta()).cloned().collect());
@@ -101,12 +104,13 @@ impl<'a> MeterPhotons<'a> {
             arrived: 0,
             of_one_path: f64::INFINITY,
         };
-        photons.learn(meters, radius);
+        photons.learn(meters, radius, learning);
         Some(photons)
     }
 
     /// Learns from where paths arrive, by the discs of larger radii.
-    fn learn(&mut self, meters: &[Meter], radius: f32) {
+    fn learn(&mut self, meters: &[Meter], radius: f32, time: Option<Duration>) {
+        let start = Instant::now();
         let lights = self.lights.emitters().len();
         for (stage, (side, factor)) in (0..).zip(STAGES) {
             let grid = GuideGrid::new(lights, side);
@@ -122,7 +126,10 @@ impl<'a> MeterPhotons<'a> {
                     batch.cells.into_iter().for_each(|cell| counts[cell] += 1);
                 }
                 let is_decided = total == 0 || total >= ENOUGH_ARRIVED;
-                if is_decided && iteration + 1 >= LEAST_ITERATIONS {
+                // Each stage has an equal share of the time.
+                let share = f64::from(stage as u32 + 1) / STAGES.len() as f64;
+                let is_late = time.is_some_and(|time| start.elapsed() >= time.mul_f64(share));
+                if is_late || is_decided && iteration + 1 >= LEAST_ITERATIONS {
                     break;
                 }
             }

@@ -159,7 +159,7 @@ impl<'a> MeshReader<'a> {
                 pose,
             })?;
             if !mesh.triangles.is_empty() {
-                meshes.push(MaterialMesh { mesh: Arc::new(mesh), material });
+                meshes.push(MaterialMesh::new(Arc::new(mesh), material));
             }
         }
         Ok(meshes)

@@ -19,7 +19,7 @@ mod pose;
 mod texture;
 
 use super::ImportOptions;
-use crate::builder::{Builder, Contents, FileNames, Imported, out_of_range};
+use crate::builder::{Builder, Contents, FileNames, ReadScene, out_of_range};
 use crate::text::list;
 use crate::warnings::Warning;
 use bdpm_core::base::error::{Error, Result, visible};
@@ -49,10 +49,11 @@ fn malformed(element: impl Display, problem: impl Display) -> Error {
 ///
 /// # Errors
 /// Names the element that is malformed or not supported.
-pub(super) fn read(path: &Path, options: &ImportOptions) -> Result<Imported> {
+pub(super) fn read(path: &Path, options: &ImportOptions) -> Result<ReadScene> {
     let (document, bin) = file::read(path)?;
     let shown = path.display().to_string();
-    let (nodes, has_repeats) = nodes::scene_nodes(&document)?;
+    let (mut nodes, has_repeats) = nodes::scene_nodes(&document)?;
+    nodes.iter_mut().for_each(|node| node.map.translation -= options.origin());
     let mut warnings = document_warnings(&document, &shown);
     if has_repeats {
         let problem = "the scene lists nodes below others, or twice; each is shown once";
@@ -79,16 +80,23 @@ pub(super) fn read(path: &Path, options: &ImportOptions) -> Result<Imported> {
     }
     builder.warnings.extend(profiles.warnings());
     place_meshes(&buffers, &nodes, folder, &shown, &mut builder)?;
-    let (light_names, lights) = lights.into_iter().map(|own| (own.name, own.emitter)).unzip();
+    let (light_names, lights) = lights.into_iter().map(|own| (Some(own.name), own.emitter)).unzip();
     let names = FileNames {
-        lights: light_names,
         cameras: cameras.iter().map(|camera| camera.name.clone()).collect(),
         camera: chosen.map(|camera| camera.name.clone()),
+        ..FileNames::default()
     };
     let defaults = PartialSettings { resolution, ..PartialSettings::default() };
-    let contents =
-        Contents { lights, camera, defaults, names, may_lack_light: true, ..Contents::default() };
-    builder.finish(path, contents, options.environment)
+    let contents = Contents {
+        lights,
+        light_names,
+        camera,
+        defaults,
+        names,
+        may_lack_light: true,
+        ..Contents::default()
+    };
+    builder.finish(path, contents, options)
 }
 
 /// Places the meshes of all nodes.

@@ -19,7 +19,7 @@ mod sky;
 mod texture;
 
 use super::ImportOptions;
-use crate::builder::{Builder, Contents, EnvironmentReader, FileNames, Imported};
+use crate::builder::{Builder, Contents, EnvironmentReader, FileNames, ReadScene};
 use crate::sensor::MIRROR;
 use crate::shape::instancing::MaterialMesh;
 use crate::text::list;
@@ -43,7 +43,7 @@ use texture::Paints;
 ///
 /// # Errors
 /// Names the line and element that is malformed or not supported.
-pub(super) fn read(path: &Path, options: &ImportOptions) -> Result<Imported> {
+pub(super) fn read(path: &Path, options: &ImportOptions) -> Result<ReadScene> {
     let document = XmlDocument::read(path)?;
     SceneReader::default().read(path, &document, options)
 }
@@ -70,7 +70,7 @@ impl SceneReader {
         path: &Path,
         document: &XmlDocument,
         options: &ImportOptions,
-    ) -> Result<Imported> {
+    ) -> Result<ReadScene> {
         let top = |tag: &str| {
             let own = |index: &&usize| document.elements[**index].tag == tag;
             document.top.iter().filter(own).map(|index| Object::new(document, *index)).collect()
@@ -85,8 +85,9 @@ impl SceneReader {
         let lights: Vec<Object> = top("emitter");
         let environment = self.environment(&lights)?;
         let is_mirrored = sensor.as_ref().is_some_and(|(sensor, _)| sensor.is_mirrored());
-        let world = self.world(environment.as_ref(), is_mirrored);
-        let emitters = self.emitters(&lights, world)?;
+        let mut world = self.world(environment.as_ref(), is_mirrored);
+        world.translation -= options.origin();
+        let (emitters, light_names) = self.emitters(&lights, world)?;
         let shapes: Vec<Object> = top("shape");
         self.obj_files = ObjFiles::read(&shapes);
         shapes.iter().try_for_each(|shape| self.place(shape, world))?;
@@ -114,6 +115,7 @@ impl SceneReader {
         };
         let contents = Contents {
             lights: emitters,
+            light_names,
             camera: camera.transpose()?,
             environment,
             defaults: PartialSettings { resolution, ..PartialSettings::default() },
@@ -121,7 +123,7 @@ impl SceneReader {
             names,
             ..Contents::default()
         };
-        builder.finish(path, contents, options.environment)
+        builder.finish(path, contents, options)
     }
 
     /// The builder with all warnings.
@@ -132,13 +134,19 @@ impl SceneReader {
         builder
     }
 
-    /// The emitters at points and far away.
-    fn emitters(&mut self, lights: &[Object], world: DAffine3) -> Result<Vec<Emitter>> {
-        let mut emitters = Vec::new();
+    /// The emitters at points and far away, and their ids.
+    fn emitters(
+        &mut self,
+        lights: &[Object],
+        world: DAffine3,
+    ) -> Result<(Vec<Emitter>, Vec<Option<String>>)> {
+        let (mut emitters, mut names) = (Vec::new(), Vec::new());
         for light in lights.iter().filter(|light| !is_environment(light)) {
-            emitters.extend(emitter::emitter(light, world, &mut self.paints)?);
+            let emitter = emitter::emitter(light, world, &mut self.paints)?;
+            names.extend(emitter.as_ref().map(|_| light.id().map(str::to_owned)));
+            emitters.extend(emitter);
         }
-        Ok(emitters)
+        Ok((emitters, names))
     }
 
     /// Warns that the integrators of the file have no effect.

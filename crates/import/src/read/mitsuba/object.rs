@@ -31,9 +31,14 @@ impl<'a> Object<'a> {
     }
 
     /// The id, else the type and the line.
+    /// Its id, if it has one.
+    pub fn id(&self) -> Option<&str> {
+        self.element().attribute("id")
+    }
+
     pub fn label(&self) -> String {
         let line = || format!("{} in line {}", self.kind(), self.document.line(self.index));
-        self.element().attribute("id").map_or_else(line, str::to_owned)
+        self.id().map_or_else(line, str::to_owned)
     }
 
     pub fn error(&self, problem: impl Into<String>, advice: &str) -> Error {

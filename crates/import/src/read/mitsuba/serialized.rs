@@ -1,11 +1,12 @@
 //! Meshes in Mitsuba's own format: zlib streams, one for each shape, and a table of their offsets.
 
+use crate::far::DBounds;
 use crate::text::read_bytes;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::memory::available_memory;
 use bdpm_core::scene::Mesh;
 use flate2::read::ZlibDecoder;
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use std::io::{BufReader, Read};
 use std::path::Path;
 
@@ -28,6 +29,8 @@ const MAX_FILE: u64 = 1 << 34;
 pub(super) struct SerializedShape {
     /// Texture coordinates have v pointing up.
     pub mesh: Mesh,
+    /// Point to which all positions are relative: zero unless they are far from the origin.
+    pub origin: DVec3,
     /// Whether the mesh must not get smooth normals.
     pub is_flat: bool,
 }
@@ -72,14 +75,21 @@ fn parse(bytes: &[u8], index: usize) -> Parsed<SerializedShape> {
         return Err(format!("{vertices} vertices and {triangles} triangles are too many"));
     }
     let mut list = |size: usize| stream.numbers(vertices, size, flags & DOUBLE != 0);
-    let triples = |numbers: Vec<f32>| numbers.chunks_exact(3).map(Vec3::from_slice).collect();
-    let mut mesh = Mesh { positions: triples(list(3)?), ..Mesh::default() };
+    let positions = list(3)?;
+    let positions = positions.as_chunks::<3>().0.iter().copied().map(DVec3::from_array);
+    let bounds = positions.clone().fold(DBounds::EMPTY, DBounds::with);
+    let origin = bounds.far_center().unwrap_or(DVec3::ZERO);
+    let positions = positions.map(|point| (point - origin).as_vec3()).collect();
+    let mut mesh = Mesh { positions, ..Mesh::default() };
     if flags & NORMALS != 0 {
-        mesh.normals = triples(list(3)?);
-        mesh.normals.iter_mut().for_each(|normal| *normal = normal.normalize_or_zero());
+        let normals = list(3)?;
+        let normals = normals.chunks_exact(3).map(|n| DVec3::from_slice(n).as_vec3());
+        mesh.normals = normals.map(Vec3::normalize_or_zero).collect();
     }
     if flags & UVS != 0 {
-        mesh.uvs = list(2)?.chunks_exact(2).map(|uv| Vec2::new(uv[0], 1.0 - uv[1])).collect();
+        let uvs = list(2)?;
+        let uv = |uv: &[f64]| Vec2::new(uv[0] as f32, 1.0 - uv[1] as f32);
+        mesh.uvs = uvs.chunks_exact(2).map(uv).collect();
     }
     if flags & COLORS != 0 {
         list(3)?;
@@ -92,7 +102,7 @@ fn parse(bytes: &[u8], index: usize) -> Parsed<SerializedShape> {
         }
         mesh.triangles.push(corners);
     }
-    Ok(SerializedShape { mesh, is_flat: flags & FLAT != 0 })
+    Ok(SerializedShape { mesh, origin, is_flat: flags & FLAT != 0 })
 }
 
 /// Offset of the shape of this index, bytes. The file ends with a table of offsets and the number
@@ -131,12 +141,12 @@ impl ShapeStream<'_> {
     }
 
     /// Reads `count` groups of `size` numbers. Memory grows with the content of the stream only.
-    fn numbers(&mut self, count: usize, size: usize, is_double: bool) -> Parsed<Vec<f32>> {
+    fn numbers(&mut self, count: usize, size: usize, is_double: bool) -> Parsed<Vec<f64>> {
         let mut numbers = Vec::new();
         for _ in 0..count * size {
             numbers.push(match is_double {
-                true => f64::from_le_bytes(self.array()?) as f32,
-                false => f32::from_le_bytes(self.array()?),
+                true => f64::from_le_bytes(self.array()?),
+                false => f64::from(f32::from_le_bytes(self.array()?)),
             });
         }
         Ok(numbers)
@@ -185,7 +195,7 @@ mod tests {
         for version in [3, 4] {
             let bytes = file(version, &[0.0, 5.0, 7.0]);
             for (index, height) in [0.0, 5.0, 7.0].into_iter().enumerate() {
-                let SerializedShape { mesh, is_flat } = parse(&bytes, index).unwrap();
+                let SerializedShape { mesh, is_flat, .. } = parse(&bytes, index).unwrap();
                 assert_eq!(mesh.positions, [Vec3::new(0.0, 0.0, height), Vec3::X, Vec3::Y]);
                 assert_eq!(mesh.uvs[0], Vec2::new(0.0, 0.75));
                 assert_eq!(mesh.triangles, [[0, 1, 2]]);

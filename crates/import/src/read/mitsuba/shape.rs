@@ -7,6 +7,7 @@ use super::obj_files::ObjFiles;
 use super::object::Object;
 use super::serialized;
 use crate::builder::out_of_range;
+use crate::far::DBounds;
 use crate::look::{Look, ONE_MAP, Paint, map_uvs};
 use crate::read::ply::{self, PlyUse, VDirection};
 use crate::shape::curves::{CurveBasis, add_tube, remove_empty};
@@ -47,6 +48,8 @@ enum ShapeSource {
 #[derive(Clone)]
 pub(super) struct ShapeMeshes {
     all: Vec<Arc<Mesh>>,
+    /// Point to which their positions are relative.
+    origin: DVec3,
     has_normals: bool,
 }
 
@@ -107,7 +110,7 @@ impl SceneReader {
         let mut parts = Vec::new();
         for mesh in meshes.all {
             let material = self.material(object, own, (&look, is_shared), (&mesh, map.matrix3));
-            parts.push(MaterialMesh { mesh, material });
+            parts.push(MaterialMesh { mesh, material, origin: meshes.origin });
         }
         // As in Mitsuba, the order of corners decides the front of a mirrored mesh, unless normals
         // do.
@@ -176,7 +179,7 @@ impl SceneReader {
         {
             return Ok(known.clone());
         }
-        let (mut meshes, has_normals) =
+        let ReadMeshes { mut meshes, origin, has_normals } =
             read(object, &key, &mut self.obj_files, &mut self.builder.warnings)?;
         for mesh in &mut meshes {
             if key.is_flat {
@@ -194,7 +197,7 @@ impl SceneReader {
         let stored = self.builder.count(0, stored);
         stored.map_err(|error| object.placed(&error))?;
         let all = meshes.into_iter().map(Arc::new).collect();
-        let meshes = ShapeMeshes { all, has_normals };
+        let meshes = ShapeMeshes { all, origin, has_normals };
         if flips.is_none() {
             self.meshes.insert(key, meshes.clone());
         }
@@ -237,11 +240,12 @@ impl SceneReader {
             let Some(shape) = self.shape(&child)? else { continue };
             let transform = Transform::new(shape.map).map_err(|error| child.placed(&error))?;
             let transform = transform.flipped(shape.is_flipped);
-            for MaterialMesh { mesh, material } in shape.parts {
+            for MaterialMesh { mesh, material, origin } in shape.parts {
+                let transform = transform.relative_from(origin);
                 if mesh.positions.iter().any(|point| transform.point(*point).is_none()) {
                     return Err(child.placed(&out_of_range()));
                 }
-                parts.push(MaterialMesh { mesh: Arc::new(mesh.moved(&transform)), material });
+                parts.push(MaterialMesh::new(Arc::new(mesh.moved(&transform)), material));
             }
         }
         self.groups.insert(object.index, parts.clone());
@@ -249,39 +253,55 @@ impl SceneReader {
     }
 }
 
-/// Reads meshes, with smooth normals if they have none, and whether the file has normals.
+/// Meshes of a file or a formula.
+struct ReadMeshes {
+    meshes: Vec<Mesh>,
+    /// Point to which their positions are relative.
+    origin: DVec3,
+    /// Whether the file has normals.
+    has_normals: bool,
+}
+
+/// Reads meshes, with smooth normals if they have none.
 fn read(
     object: &Object,
     key: &MeshKey,
     obj_files: &mut ObjFiles,
     warnings: &mut Vec<Warning>,
-) -> Result<(Vec<Mesh>, bool)> {
+) -> Result<ReadMeshes> {
+    let complete = |mesh, origin| ReadMeshes { meshes: vec![mesh], origin, has_normals: true };
     let (path, index) = match &key.source {
-        ShapeSource::Formula { shape, is_lamp } => return Ok((vec![shape.mesh(*is_lamp)], true)),
+        ShapeSource::Formula { shape, is_lamp } => {
+            return Ok(complete(shape.mesh(*is_lamp), DVec3::ZERO));
+        }
         ShapeSource::File(path, index) => (path, *index),
         ShapeSource::Curves(path, basis, scale) => {
-            return Ok((vec![curves(path, *basis, f64::from_bits(*scale))?], true));
+            let (mesh, origin) = curves(path, *basis, f64::from_bits(*scale))?;
+            return Ok(complete(mesh, origin));
         }
     };
     let (mut meshes, mut is_flat) = (Vec::new(), key.is_flat);
-    match object.kind() {
+    let origin = match object.kind() {
         "obj" => {
             // The materials of the file have no effect.
             let file = obj_files.take(path)?;
             meshes.extend(file.meshes.into_iter().map(|part| Arc::unwrap_or_clone(part.mesh)));
+            file.origin
         }
         "ply" => {
             let wanted = PlyUse { v_direction: VDirection::Down, has_colors: false };
             let file = ply::read(path, wanted)?;
             warnings.extend(file.warnings);
             meshes.push(file.mesh);
+            file.origin
         }
         _ => {
             let shape = serialized::read(path, index)?;
             is_flat |= shape.is_flat;
             meshes.push(shape.mesh);
+            shape.origin
         }
-    }
+    };
     let has_normals = !is_flat && meshes.iter().all(|mesh| !mesh.normals.is_empty());
     for mesh in &mut meshes {
         if let Some(vertex) = mesh.positions.iter().position(|point| !point.is_finite()) {
@@ -294,15 +314,15 @@ fn read(
             smooth_normals(mesh);
         }
     }
-    Ok((meshes, has_normals))
+    Ok(ReadMeshes { meshes, origin, has_normals })
 }
 
 /// The curves of a file, which has a line of a position and a radius for each control point, and
-/// empty lines between curves.
-fn curves(path: &Path, basis: CurveBasis, scale: f64) -> Result<Mesh> {
+/// empty lines between curves, and the point to which their positions are relative.
+fn curves(path: &Path, basis: CurveBasis, scale: f64) -> Result<(Mesh, DVec3)> {
     let bytes = text::read_lines(path)?;
     let text = text::decoded(&bytes);
-    let mut mesh = Mesh::default();
+    let mut curves: Vec<Vec<DVec4>> = Vec::new();
     let mut points: Vec<DVec4> = Vec::new();
     for (number, line) in text.lines().chain([""]).enumerate() {
         if !line.trim().is_empty() {
@@ -314,11 +334,18 @@ fn curves(path: &Path, basis: CurveBasis, scale: f64) -> Result<Mesh> {
             points.push(DVec4::new(x, y, z, radius));
             continue;
         }
+        curves.push(std::mem::take(&mut points));
+    }
+    let all = curves.iter().flatten().map(|point| point.truncate());
+    let center = all.fold(DBounds::EMPTY, DBounds::with).far_center();
+    let origin = center.unwrap_or(DVec3::ZERO);
+    let mut mesh = Mesh::default();
+    for mut points in curves {
+        points.iter_mut().for_each(|point| *point -= origin.extend(0.0));
         add_tube(&mut mesh, &points, basis, |radius, _| radius * scale);
-        points.clear();
     }
     remove_empty(&mut mesh);
-    Ok(mesh)
+    Ok((mesh, origin))
 }
 
 /// Sets each vertex's normal to the mean of those of its triangles, weighted by their angles at the

@@ -14,15 +14,15 @@ pub use place::{Looks, ObjPlacer};
 
 use super::ImportOptions;
 use super::ply::PlyFile;
-use crate::builder::{Builder, Contents, Imported};
+use crate::builder::{Builder, Contents, ReadScene};
 use crate::shape::polygon::{self, Cutter};
 use crate::text::{list, read_lines};
 use crate::warnings::Warning;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::scene::Mesh;
 use bdpm_core::scene::transform::Transform;
-use glam::{Vec2, Vec3};
-use normalize::{Normalized, Part, normalize};
+use glam::{DVec3, Vec2, Vec3};
+use normalize::{Dialect, Normalized, Part, normalize};
 use std::io::BufReader;
 use std::panic::resume_unwind;
 use std::path::Path;
@@ -50,6 +50,8 @@ pub struct ObjFile {
     pub looks: Looks,
     /// Warnings about ignored content.
     pub notes: Vec<Warning>,
+    /// Point to which all positions are relative: zero unless they are far from the origin.
+    pub origin: DVec3,
 }
 
 impl ObjFile {
@@ -58,13 +60,13 @@ impl ObjFile {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let mesh = Arc::new(Mesh { name, ..file.mesh });
         let meshes = vec![ObjMesh { mesh, material: None }];
-        Self { meshes, looks: Looks::new(), notes: file.warnings }
+        Self { meshes, looks: Looks::new(), notes: file.warnings, origin: file.origin }
     }
 
     /// Wraps a mesh in memory, which names no materials.
     pub fn in_memory(mesh: &Arc<Mesh>) -> Self {
         let meshes = vec![ObjMesh { mesh: Arc::clone(mesh), material: None }];
-        Self { meshes, looks: Looks::new(), notes: Vec::new() }
+        Self { meshes, looks: Looks::new(), notes: Vec::new(), origin: DVec3::ZERO }
     }
 
     /// Number of triangles of all meshes.
@@ -74,26 +76,32 @@ impl ObjFile {
 }
 
 /// Reads an OBJ file as a scene.
-pub(super) fn read(path: &Path, options: &ImportOptions) -> Result<Imported> {
+pub(super) fn read(path: &Path, options: &ImportOptions) -> Result<ReadScene> {
     let obj = load(path)?;
     let mut builder = Builder::new(obj.notes.clone());
     builder.count(obj.triangle_count(), obj.triangle_count())?;
-    // The identity keeps all points in range.
+    // All points stay in range.
     let looks = (None, &Looks::new());
-    let _ = ObjPlacer::default().place(&mut builder, (path, &obj), &Transform::IDENTITY, looks);
+    let moved = Transform::IDENTITY.relative_to(options.origin());
+    let _ = ObjPlacer::default().place(&mut builder, (path, &obj), &moved, looks);
     let contents = Contents { may_lack_light: true, ..Contents::default() };
-    builder.finish(path, contents, options.environment)
+    builder.finish(path, contents, options)
 }
 
-/// Reads an OBJ file with its material libraries.
+/// Reads an OBJ file with its material libraries. Positions far from the origin are read relative
+/// to their center, in double precision.
 ///
 /// # Errors
 /// If a file cannot be read, or a line is malformed.
 pub fn load(path: &Path) -> Result<ObjFile> {
     let text = read_lines(path)?;
-    let (mut normalized, mut models) = rewritten(path, &text, false)?;
-    if normalized.has_colors {
-        (normalized, models) = rewritten(path, &text, true)?;
+    let mut dialect = Dialect::default();
+    let (mut normalized, mut models) = rewritten(path, &text, dialect)?;
+    let center = normalized.bounds.far_center();
+    if normalized.has_colors || center.is_some() {
+        let origin = center.unwrap_or(DVec3::ZERO);
+        dialect = Dialect { is_colored: normalized.has_colors, origin };
+        (normalized, models) = rewritten(path, &text, dialect)?;
     }
     drop(text);
 
@@ -140,17 +148,17 @@ pub fn load(path: &Path) -> Result<ObjFile> {
         );
         notes.push(Warning::skipped(note));
     }
-    Ok(ObjFile { meshes, looks, notes })
+    Ok(ObjFile { meshes, looks, notes, origin: dialect.origin })
 }
 
 /// Rewrites the text on a thread of its own while `tobj` reads the result here. So the rewriting,
 /// about a third of the work, costs little time. Not a task of rayon, whose pool may have one
 /// thread only.
-fn rewritten(path: &Path, text: &[u8], is_colored: bool) -> Result<(Normalized, Vec<Model>)> {
+fn rewritten(path: &Path, text: &[u8], dialect: Dialect) -> Result<(Normalized, Vec<Model>)> {
     let (reader, writer) =
         std::io::pipe().map_err(|error| Error::io("open a pipe", path, error))?;
     std::thread::scope(|scope| {
-        let normalizing = scope.spawn(move || normalize(path, text, is_colored, writer));
+        let normalizing = scope.spawn(move || normalize(path, text, dialect, writer));
         let options = LoadOptions { single_index: true, ..LoadOptions::default() };
         let read = {
             let mut reader = BufReader::with_capacity(BUFFER, reader);

@@ -16,6 +16,7 @@ mod faces;
 pub(super) use faces::Part;
 
 use super::libraries::Library;
+use crate::far::DBounds;
 use crate::lines::Lines;
 use crate::srgb::decode;
 use crate::text::decoded;
@@ -23,7 +24,7 @@ use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
 use bdpm_core::scene::transform::MAX_COORDINATE;
 use faces::Format;
-use glam::Vec3;
+use glam::DVec3;
 use std::collections::{BTreeMap, HashMap};
 use std::io::Write;
 use std::path::Path;
@@ -63,6 +64,8 @@ pub(super) struct Normalized {
     pub libraries: Vec<Library>,
     /// Whether any position has a color.
     pub has_colors: bool,
+    /// Box around all positions of the file.
+    pub bounds: DBounds,
     /// Number of points, lines, curves and surfaces.
     pub ignored_elements: u64,
     /// Number of references to texture coordinates and normals that do not exist.
@@ -75,19 +78,27 @@ pub(super) struct Normalized {
     pub unknown: BTreeMap<String, usize>,
 }
 
-/// Writes `text` to `output` in the dialect of `tobj`, which wants colors of all positions or of
-/// none: all get one if `is_colored`.
+/// How positions are written.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Dialect {
+    /// Whether all positions have a color: `tobj` wants colors of all or of none.
+    pub is_colored: bool,
+    /// Point to which positions are relative.
+    pub origin: DVec3,
+}
+
+/// Writes `text` to `output` in the dialect of `tobj`.
 ///
 /// # Errors
 /// If a line is malformed, or a face refers to a vertex that is not defined before it.
 pub(super) fn normalize(
     path: &Path,
     text: &[u8],
-    is_colored: bool,
+    dialect: Dialect,
     mut output: impl Write,
 ) -> Result<Normalized> {
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let mut normalizer = Normalizer { name, is_colored, ..Normalizer::default() };
+    let mut normalizer = Normalizer { name, dialect, ..Normalizer::default() };
     let mut lines = Lines::new(path, text);
     let mut write = |text: &[u8]| {
         output.write_all(text).map_err(|error| Error::io("pass on the model", path, error))
@@ -113,7 +124,7 @@ struct Normalizer {
     result: Normalized,
     /// Records to write next: vertices, and the faces of the first part.
     text: Vec<u8>,
-    is_colored: bool,
+    dialect: Dialect,
     /// Numbers of positions, texture coordinates and normals so far.
     defined: [i64; 3],
     /// Name and material of the next face.
@@ -165,7 +176,7 @@ impl Normalizer {
     /// color.
     fn position(&mut self, lines: &Lines<'_>, rest: &[u8]) -> Result<()> {
         let advice = "give three numbers, such as `v 0.5 1 -2`";
-        let mut numbers = [0.0; 4];
+        let mut numbers = [0.0_f64; 4];
         let mut count = 0;
         for word in words(rest) {
             let number = float(word)
@@ -179,14 +190,14 @@ impl Normalizer {
             return Err(lines.error(format!("the vertex has {count} coordinates"), advice));
         }
         let weight = if count == 4 { numbers[3] } else { 1.0 };
-        let point = Vec3::from_slice(&numbers) / weight;
-        if !point.is_finite() || !weight.is_finite() {
+        let point = DVec3::from_slice(&numbers) / weight;
+        if !point.as_vec3().is_finite() || !weight.is_finite() {
             return Err(lines.error(
                 "the vertex has a coordinate that is not finite",
                 "export the model again, or remove the vertex and its faces",
             ));
         }
-        if point.abs().max_element() > MAX_COORDINATE {
+        if point.abs().max_element() > f64::from(MAX_COORDINATE) {
             return Err(lines.error(
                 format!("the vertex has a coordinate beyond {MAX_COORDINATE:e}"),
                 "scale the model down",
@@ -194,16 +205,19 @@ impl Normalizer {
         }
         self.defined[0] += 1;
         self.result.has_colors |= count >= 6;
+        self.result.bounds = self.result.bounds.with(point);
+        let Dialect { is_colored, origin } = self.dialect;
         let text = &mut self.text;
         text.extend_from_slice(b"v ");
-        if count <= 4 && !self.is_colored {
+        if count <= 4 && !is_colored && origin == DVec3::ZERO {
             text.extend_from_slice(rest);
             text.push(b'\n');
             return Ok(());
         }
         // Display writes as many digits as it takes to read the same number again.
-        let _ = write!(text, "{} {} {}", point.x, point.y, point.z);
-        if self.is_colored {
+        let moved = (point - origin).as_vec3();
+        let _ = write!(text, "{} {} {}", moved.x, moved.y, moved.z);
+        if is_colored {
             let Rgb { x, y, z } = if count >= 6 { color(rest) } else { Rgb::ONE };
             let _ = write!(text, " {x} {y} {z}");
         }
@@ -219,7 +233,7 @@ impl Normalizer {
         self.text.extend_from_slice(keyword);
         let mut given = 0;
         for word in words(without_comment(rest)).take(3) {
-            let is_valid = float(word).is_some_and(|number| number.abs() <= MAX_COORDINATE);
+            let is_valid = float(word).is_some_and(|n| n.abs() <= f64::from(MAX_COORDINATE));
             self.result.invalid_numbers += u64::from(!is_valid);
             if given < count {
                 self.text.push(b' ');
@@ -273,7 +287,7 @@ fn color(rest: &[u8]) -> Rgb {
     decode(std::array::from_fn(|_| codes.next().flatten().unwrap_or(1.0)))
 }
 
-fn float(word: &[u8]) -> Option<f32> {
+fn float(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
@@ -306,8 +320,12 @@ mod tests {
     use proptest::prelude::*;
 
     fn normalized(text: &str, is_colored: bool) -> Result<(Normalized, String)> {
+        relative(text, Dialect { is_colored, ..Dialect::default() })
+    }
+
+    fn relative(text: &str, dialect: Dialect) -> Result<(Normalized, String)> {
         let mut output = Vec::new();
-        let result = normalize(Path::new("a.obj"), text.as_bytes(), is_colored, &mut output)?;
+        let result = normalize(Path::new("a.obj"), text.as_bytes(), dialect, &mut output)?;
         Ok((result, String::from_utf8(output).unwrap()))
     }
 
@@ -335,6 +353,21 @@ mod tests {
         let (_, output) = normalized(text, true).unwrap();
         let expected = "v 1 2 3 1 1 1\nv 0.5 1 1.5 1 1 1\nv 1 2 3 0 1 0.21404114\n";
         assert_eq!(output, expected);
+    }
+
+    #[test]
+    fn far_positions_keep_their_digits_relative_to_their_center() {
+        let text = "v 1000000.125 0 5 # why\nv 1000002.5 2 5 0 1 0\nvn 0 0 1\nf 1 2 1\n";
+        let origin = normalized(text, false).unwrap().0.bounds.far_center().unwrap();
+        let (_, output) = relative(text, Dialect { is_colored: false, origin }).unwrap();
+        let lines: Vec<&str> = output.lines().collect();
+        let numbers = |line: &str| -> Vec<f64> {
+            line.split(' ').skip(1).map(|word| word.parse().unwrap()).collect()
+        };
+        let [a, b] = [numbers(lines[0]), numbers(lines[1])];
+        assert_eq!([a[0] + origin.x, a[1] + origin.y, a[2] + origin.z], [1_000_000.125, 0.0, 5.0]);
+        assert_eq!((b[0] - a[0], b[1] - a[1], b.len()), (2.375, 2.0, 3));
+        assert_eq!(lines[2..], ["vn 0 0 1", "f 1 2 1"]);
     }
 
     #[test]

@@ -63,7 +63,7 @@ impl ObjPlacer {
                     material
                 }
             };
-            parts.push(MaterialMesh { mesh, material });
+            parts.push(MaterialMesh { mesh, material, origin: obj.origin });
         }
         builder.place(None, &parts, transform)?;
         self.warn(builder, path);

@@ -18,7 +18,7 @@ mod textures;
 mod tokens;
 
 use super::ImportOptions;
-use crate::builder::{Builder, Contents, EnvironmentReader, Imported, out_of_range};
+use crate::builder::{Builder, Contents, EnvironmentReader, ReadScene, out_of_range};
 use crate::look::{ONE_MAP, map_uvs};
 use crate::sensor::MIRROR;
 use crate::shape::curves;
@@ -29,8 +29,8 @@ use bdpm_core::scene::transform::Transform;
 use bdpm_core::scene::{Emitter, Environment, Mesh};
 use bdpm_core::settings::PartialSettings;
 use camera::{CameraSource, FilmSource};
-use glam::{DAffine3, DMat3};
-use lights::back_of;
+use glam::{DAffine3, DMat3, DVec3};
+use lights::{AreaLight, back_of};
 use materials::Materials;
 use named_media::NamedMedia;
 use params::Params;
@@ -38,6 +38,7 @@ use spectra::ColorSpace;
 use state::GraphicsState;
 use std::collections::HashMap;
 use std::path::Path;
+use std::rc::Rc;
 use std::sync::Arc;
 use textures::Textures;
 use tokens::{Location, SourceFiles};
@@ -46,7 +47,7 @@ use tokens::{Location, SourceFiles};
 ///
 /// # Errors
 /// Names the file and line of a directive that is malformed or unknown.
-pub(super) fn read(path: &Path, options: &ImportOptions) -> Result<Imported> {
+pub(super) fn read(path: &Path, options: &ImportOptions) -> Result<ReadScene> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut reader = SceneReader {
         builder: Builder::default(),
@@ -119,12 +120,23 @@ struct SceneReader {
 struct Part {
     mesh: Mesh,
     material: u32,
+    /// Point to which the positions of the mesh are relative.
+    origin: DVec3,
+}
+
+impl Part {
+    /// The same with a shared mesh.
+    fn shared(self) -> MaterialMesh {
+        let Self { mesh, material, origin } = self;
+        MaterialMesh { mesh: Arc::new(mesh), material, origin }
+    }
 }
 
 impl SceneReader {
-    fn finish(mut self, path: &Path, options: &ImportOptions) -> Result<Imported> {
+    fn finish(mut self, path: &Path, options: &ImportOptions) -> Result<ReadScene> {
         let is_mirrored = self.camera.as_ref().is_some_and(CameraSource::is_mirrored);
-        let world = DAffine3::from_mat3(if is_mirrored { MIRROR } else { DMat3::IDENTITY });
+        let mirror = if is_mirrored { MIRROR } else { DMat3::IDENTITY };
+        let world = DAffine3::from_mat3_translation(mirror, -options.origin());
         if is_mirrored {
             let phrase = "mirrored, with its camera (pbrt's spaces are left-handed),";
             self.textures.warnings.chosen(phrase, "the scene");
@@ -155,7 +167,7 @@ impl SceneReader {
             filling_medium: builder.filling_medium(media.named(&camera_medium)),
             ..Contents::default()
         };
-        builder.finish(path, contents, options.environment)
+        builder.finish(path, contents, options)
     }
 
     /// The lights at points and far away, and the first infinite light.
@@ -192,7 +204,9 @@ impl SceneReader {
                 let own = parts.remove(0);
                 match &mut hair {
                     Some((all, first))
-                        if all.material == own.material && first.map == shape.map =>
+                        if all.material == own.material
+                            && all.origin == own.origin
+                            && first.map == shape.map =>
                     {
                         curves::join(&mut all.mesh, &own.mesh);
                     }
@@ -200,10 +214,9 @@ impl SceneReader {
                 }
                 continue;
             }
-            for Part { mesh, material } in parts {
-                let name = mesh.name.clone();
-                let part = MaterialMesh { mesh: Arc::new(mesh), material };
-                self.place(&name, &[part], world * shape.map, &shape.params)?;
+            for part in parts {
+                let name = part.mesh.name.clone();
+                self.place(&name, &[part.shared()], world * shape.map, &shape.params)?;
             }
         }
         self.place_curves(hair, world)
@@ -211,9 +224,8 @@ impl SceneReader {
 
     /// Places the mesh of joined curves, if there is one.
     fn place_curves(&mut self, hair: Option<(Part, PlacedShape)>, world: DAffine3) -> Result<()> {
-        let Some((Part { mesh, material }, shape)) = hair else { return Ok(()) };
-        let parts = [MaterialMesh { mesh: Arc::new(mesh), material }];
-        self.place("curves", &parts, world * shape.map, &shape.params)
+        let Some((part, shape)) = hair else { return Ok(()) };
+        self.place("curves", &[part.shared()], world * shape.map, &shape.params)
     }
 
     /// Places all uses of objects.
@@ -231,12 +243,13 @@ impl SceneReader {
                 for shape in &shapes {
                     let placed = |error: Error| shape.params.placed(&error);
                     let transform = Transform::new(shape.map).map_err(placed)?;
-                    for Part { mesh, material } in self.parts(shape, false)? {
+                    for Part { mesh, material, origin } in self.parts(shape, false)? {
+                        let transform = transform.relative_from(origin);
                         if mesh.positions.iter().any(|point| transform.point(*point).is_none()) {
                             return Err(placed(out_of_range()));
                         }
                         let mesh = Arc::new(mesh.moved(&transform));
-                        all.push(MaterialMesh { mesh, material });
+                        all.push(MaterialMesh::new(mesh, material));
                     }
                 }
                 objects.insert(name.clone(), all);
@@ -267,7 +280,8 @@ impl SceneReader {
         if state.area_light.is_some() && !may_emit {
             self.textures.warnings.skipped("left out the emission of shapes of", "objects");
         }
-        let Some(mut mesh) = shapes::mesh(params, lamp.is_some(), &mut self.textures)? else {
+        let made = shapes::mesh(params, lamp.is_some(), &mut self.textures)?;
+        let Some((mut mesh, origin)) = made else {
             return Ok(Vec::new());
         };
         let stored = self.builder.count(0, mesh.triangles.len() as u64);
@@ -277,11 +291,9 @@ impl SceneReader {
         let alpha = self.textures.varying(params, "alpha")?;
         let _ = params.get("shadowalpha");
         self.warn_of_unused(params);
-        let emission = match &lamp {
-            Some(lamp) => Some(lamp.paint(&mesh, *map, &mut self.textures)?),
-            None => None,
-        };
-        let emission = emission.filter(|paint| paint.color != Rgb::ZERO);
+        let paint = |lamp: &Rc<AreaLight>| lamp.paint(&mesh, *map, &mut self.textures);
+        let emission =
+            lamp.as_ref().map(paint).transpose()?.filter(|paint| paint.color != Rgb::ZERO);
         let emits = emission.is_some();
         look.bound(boundary);
         if look.is_interface && !emits {
@@ -316,7 +328,7 @@ impl SceneReader {
             Some(lamp) if lamp.is_two_sided()? && emits => Some(back_of(&mesh)),
             _ => None,
         };
-        let part = |mesh| Part { mesh, material };
+        let part = |mesh| Part { mesh, material, origin };
         Ok([Some(mesh), back].into_iter().flatten().map(part).collect())
     }
 

@@ -1,6 +1,7 @@
 //! Parameters of a directive: `"float radius" 2` or `"rgb L" [1 2 3]`.
 
 use super::tokens::{Location, Token, Tokens};
+use crate::far::DBounds;
 use bdpm_core::base::error::{Error, Result};
 use glam::{DVec3, Vec2, Vec3};
 use std::cell::{Cell, RefCell};
@@ -175,6 +176,16 @@ impl Params {
     pub fn points(&self, name: &str) -> Result<Vec<Vec3>> {
         let numbers = self.tuples::<3>(name)?;
         Ok(numbers.map(|[x, y, z]| DVec3::new(*x, *y, *z).as_vec3()).collect())
+    }
+
+    /// A list of positions, relative to the point that is returned as well: the origin unless they
+    /// are far from it.
+    pub fn positions(&self, name: &str) -> Result<(Vec<Vec3>, DVec3)> {
+        let points = self.tuples::<3>(name)?.copied().map(DVec3::from_array);
+        let points: Vec<DVec3> = points.collect();
+        let bounds = points.iter().copied().fold(DBounds::EMPTY, DBounds::with);
+        let origin = bounds.far_center().unwrap_or(DVec3::ZERO);
+        Ok((points.iter().map(|point| (*point - origin).as_vec3()).collect(), origin))
     }
 
     /// A list of points in the plane.

@@ -11,20 +11,22 @@ use crate::text::check_memory;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::memory::available_memory;
 use bdpm_core::scene::Mesh;
-use glam::{DVec4, Vec2, Vec3};
+use glam::{DVec3, DVec4, Vec2, Vec3};
 use std::f32::consts::TAU;
 
-/// The triangles of a shape; `None` if its type is not supported. Texture coordinates have v up.
+/// The triangles of a shape, and the point to which its positions are relative; `None` if its type
+/// is not supported. Texture coordinates have v up.
 pub(super) fn mesh(
     params: &Params,
     is_lamp: bool,
     textures: &mut Textures,
-) -> Result<Option<Mesh>> {
+) -> Result<Option<(Mesh, DVec3)>> {
     let around = steps(is_lamp);
-    let mut mesh = match &params.kind[..] {
-        "sphere" => sphere(params, around)?,
-        "disk" => disk(params, around)?,
-        "cylinder" => cylinder(params, around)?,
+    let at_origin = |mesh| (mesh, DVec3::ZERO);
+    let (mut mesh, origin) = match &params.kind[..] {
+        "sphere" => at_origin(sphere(params, around)?),
+        "disk" => at_origin(disk(params, around)?),
+        "cylinder" => at_origin(cylinder(params, around)?),
         "trianglemesh" => triangle_mesh(params)?,
         "bilinearmesh" => bilinear_mesh(params)?,
         "loopsubdiv" => subdivided(params)?,
@@ -49,12 +51,12 @@ pub(super) fn mesh(
     if mesh.name.is_empty() {
         mesh.name.clone_from(&params.kind);
     }
-    Ok(Some(mesh))
+    Ok(Some((mesh, origin)))
 }
 
-/// A subdivision surface.
-fn subdivided(params: &Params) -> Result<Mesh> {
-    let positions = params.points("P")?;
+/// A subdivision surface, and the point to which its positions are relative.
+fn subdivided(params: &Params) -> Result<(Mesh, DVec3)> {
+    let (positions, origin) = params.positions("P")?;
     let triangles = triangles(params, positions.len())?;
     let levels = params.float_in("levels", 3.0, [0.0, 8.0])? as u32;
     let _ = params.text("scheme")?;
@@ -69,12 +71,14 @@ fn subdivided(params: &Params) -> Result<Mesh> {
         let most = subdivision::MAX_TRIANGLES;
         return Err(params.error(problem, format!("lower `levels`: at most {most} are made")));
     }
-    subdivision::limit_surface(&positions, &triangles, levels)
-        .ok_or_else(|| params.error("an edge has more than two triangles", "repair the mesh"))
+    let mesh = subdivision::limit_surface(&positions, &triangles, levels);
+    let mesh =
+        mesh.ok_or_else(|| params.error("an edge has more than two triangles", "repair the mesh"))?;
+    Ok((mesh, origin))
 }
 
-/// The mesh of a PLY file.
-fn ply_mesh(params: &Params, textures: &mut Textures) -> Result<Mesh> {
+/// The mesh of a PLY file, and the point to which its positions are relative.
+fn ply_mesh(params: &Params, textures: &mut Textures) -> Result<(Mesh, DVec3)> {
     let Some(name) = params.text("filename")? else {
         return Err(params.error("the `filename` is missing", "add it"));
     };
@@ -85,10 +89,10 @@ fn ply_mesh(params: &Params, textures: &mut Textures) -> Result<Mesh> {
         }
     }
     let wanted = PlyUse { v_direction: VDirection::Up, has_colors: false };
-    let ply::PlyFile { mesh, warnings } = ply::read(&path, wanted)?;
+    let ply::PlyFile { mesh, origin, warnings } = ply::read(&path, wanted)?;
     textures.file_warnings.extend(warnings);
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    Ok(Mesh { name, ..mesh })
+    Ok((Mesh { name, ..mesh }, origin))
 }
 
 /// Turns triangles whose front is not on the side of their vertex normals.
@@ -107,8 +111,8 @@ fn face_normals(mesh: &mut Mesh) {
 }
 
 /// A curve as a tube; `None` if it has no width. Ribbons and flat curves, which turn to the viewer,
-/// become tubes as well.
-fn curve(params: &Params) -> Result<Option<Mesh>> {
+/// become tubes as well. Also returns the point to which its positions are relative.
+fn curve(params: &Params) -> Result<Option<(Mesh, DVec3)>> {
     let degree = params.float_in("degree", 3.0, [2.0, 3.0])? as usize;
     let basis = match params.text("basis")? {
         None | Some("bezier") => CurveBasis::Bezier(degree),
@@ -118,8 +122,8 @@ fn curve(params: &Params) -> Result<Option<Mesh>> {
             return Err(params.error(problem, "use bezier or bspline"));
         }
     };
-    let points: Vec<DVec4> =
-        params.points("P")?.iter().map(|point| point.as_dvec3().extend(0.0)).collect();
+    let (points, origin) = params.positions("P")?;
+    let points: Vec<DVec4> = points.iter().map(|point| point.as_dvec3().extend(0.0)).collect();
     if basis.segments(points.len()).is_none() {
         let problem = format!("{} control points do not fit its basis", points.len());
         return Err(params.error(problem, "correct the list"));
@@ -134,7 +138,7 @@ fn curve(params: &Params) -> Result<Option<Mesh>> {
         0.5 * (ends[0] + (ends[1] - ends[0]) * share)
     });
     curves::remove_empty(&mut mesh);
-    Ok((!mesh.triangles.is_empty()).then_some(mesh))
+    Ok((!mesh.triangles.is_empty()).then_some((mesh, origin)))
 }
 
 fn radius(params: &Params) -> Result<f32> {
@@ -231,9 +235,10 @@ fn triangles(params: &Params, count: usize) -> Result<Vec<[u32; 3]>> {
     Ok(triangles.to_vec())
 }
 
-/// Positions, normals and texture coordinates of vertices.
-fn vertices(params: &Params) -> Result<Mesh> {
-    let positions = params.points("P")?;
+/// Positions, normals and texture coordinates of vertices, and the point to which the positions are
+/// relative.
+fn vertices(params: &Params) -> Result<(Mesh, DVec3)> {
+    let (positions, origin) = params.positions("P")?;
     let normals: Vec<Vec3> =
         params.points("N")?.into_iter().map(|normal| normal.normalize_or_zero()).collect();
     let uvs = match params.points2("uv")? {
@@ -247,17 +252,17 @@ fn vertices(params: &Params) -> Result<Mesh> {
             return Err(params.error(problem, "give one for each point"));
         }
     }
-    Ok(Mesh { positions, normals, uvs, ..Mesh::default() })
+    Ok((Mesh { positions, normals, uvs, ..Mesh::default() }, origin))
 }
 
-fn triangle_mesh(params: &Params) -> Result<Mesh> {
-    let mesh = vertices(params)?;
+fn triangle_mesh(params: &Params) -> Result<(Mesh, DVec3)> {
+    let (mesh, origin) = vertices(params)?;
     let triangles = triangles(params, mesh.positions.len())?;
     let mut mesh = Mesh { triangles, ..mesh };
     if mesh.uvs.is_empty() {
         own_corners(&mut mesh, &[Vec2::ZERO, Vec2::X, Vec2::ONE]);
     }
-    Ok(mesh)
+    Ok((mesh, origin))
 }
 
 /// Gives each triangle vertices of its own with these texture coordinates, which pbrt takes for
@@ -278,8 +283,8 @@ fn own_corners(mesh: &mut Mesh, uvs: &[Vec2; 3]) {
 }
 
 /// Two triangles for each patch.
-fn bilinear_mesh(params: &Params) -> Result<Mesh> {
-    let mut mesh = vertices(params)?;
+fn bilinear_mesh(params: &Params) -> Result<(Mesh, DVec3)> {
+    let (mut mesh, origin) = vertices(params)?;
     let count = mesh.positions.len();
     let mut indices = params.indices("indices", count)?;
     if indices.is_empty() && count == 4 {
@@ -308,5 +313,5 @@ fn bilinear_mesh(params: &Params) -> Result<Mesh> {
         mesh.triangles =
             patches.iter().flat_map(|[a, b, c, d]| [[*a, *b, *d], [*a, *d, *c]]).collect();
     }
-    Ok(mesh)
+    Ok((mesh, origin))
 }

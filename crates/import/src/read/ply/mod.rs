@@ -5,6 +5,7 @@ mod content;
 mod corners;
 mod vertices;
 
+use crate::far::DBounds;
 use crate::shape::polygon::{self, Cutter};
 use crate::text::list;
 use crate::warnings::Warning;
@@ -13,7 +14,7 @@ use bdpm_core::base::math::Rgb;
 use bdpm_core::scene::Mesh;
 use content::Content;
 use corners::Corners;
-use glam::Vec2;
+use glam::{DVec3, Vec2};
 use ply_rs_bw::ply::{ElementDef, PropertyType};
 use std::path::Path;
 use vertices::{Channel, ColorChannels};
@@ -45,6 +46,8 @@ pub struct PlyUse {
 /// The mesh of a file, and warnings about what it lacks.
 pub struct PlyFile {
     pub mesh: Mesh,
+    /// Point to which all positions are relative: zero unless they are far from the origin.
+    pub origin: DVec3,
     pub warnings: Vec<Warning>,
 }
 
@@ -60,6 +63,10 @@ const CORNER: usize = 32;
 struct Loader<'a> {
     content: Content<'a>,
     wanted: PlyUse,
+    /// Point to which positions are relative.
+    origin: DVec3,
+    /// Box around all positions of the file.
+    bounds: DBounds,
     mesh: Mesh,
     corners: Corners,
     cutter: Cutter,
@@ -71,15 +78,27 @@ struct Loader<'a> {
     skipped: Vec<String>,
 }
 
-/// Reads a mesh.
+/// Reads a mesh. Positions far from the origin are read relative to their center, in double
+/// precision.
 ///
 /// # Errors
 /// Names the file and its problem, and the line of a text.
 pub fn read(path: &Path, wanted: PlyUse) -> Result<PlyFile> {
+    let (file, bounds) = read_relative(path, wanted, DVec3::ZERO)?;
+    match bounds.far_center() {
+        Some(center) => Ok(read_relative(path, wanted, center)?.0),
+        None => Ok(file),
+    }
+}
+
+/// Reads a mesh with positions relative to `origin`, and the box around all positions of the file.
+fn read_relative(path: &Path, wanted: PlyUse, origin: DVec3) -> Result<(PlyFile, DBounds)> {
     let (content, header) = Content::open(path)?;
     let mut loader = Loader {
         content,
         wanted,
+        origin,
+        bounds: DBounds::EMPTY,
         mesh: Mesh::default(),
         corners: Corners::default(),
         cutter: Cutter::default(),
@@ -111,7 +130,8 @@ pub fn read(path: &Path, wanted: PlyUse) -> Result<PlyFile> {
             "ignored the pictures of the comment `TextureFile`, which materials have to name:";
         loader.skipped.push(format!("{text} {}", list(pictures)));
     }
-    loader.finish(path)
+    let bounds = loader.bounds;
+    Ok((loader.finish(path)?, bounds))
 }
 
 impl Loader<'_> {
@@ -143,7 +163,8 @@ impl Loader<'_> {
             mesh.colors.clear();
         }
         let note = |phrase: String| Warning::skipped(format!("{}: {phrase}", path.display()));
-        Ok(PlyFile { mesh, warnings: self.skipped.into_iter().map(note).collect() })
+        let warnings = self.skipped.into_iter().map(note).collect();
+        Ok(PlyFile { mesh, origin: self.origin, warnings })
     }
 
     /// Adds a note about properties of `element` that have no effect. Numbers that say how a scan

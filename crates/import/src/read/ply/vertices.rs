@@ -4,7 +4,7 @@ use super::{Loader, too_many};
 use crate::srgb;
 use bdpm_core::base::error::Result;
 use bdpm_core::base::math::Rgb;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use ply_rs_bw::ply::{ElementDef, PropertyType, ScalarType};
 
 /// A property's component of a color, and the factor that maps its codes to [0, 1].
@@ -154,7 +154,9 @@ impl Loader<'_> {
                 }
             }
             let vector = |numbers: [f64; 3]| Vec3::from_array(numbers.map(|x| x as f32));
-            self.mesh.positions.push(vector(position));
+            let position = DVec3::from_array(position);
+            self.bounds = self.bounds.with(position);
+            self.mesh.positions.push((position - self.origin).as_vec3());
             if has_normals {
                 self.mesh.normals.push(vector(normal).normalize_or_zero());
             }

@@ -1,12 +1,12 @@
 //! `[camera]` of a scene file.
 
-use super::keys::Point;
+use super::keys::{Point, Position};
 use crate::text::list;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::scene::FisheyeProjection;
 use bdpm_core::scene::camera::{Camera, Extent, FieldOfView, Optics};
 use bdpm_core::settings::FixedArray;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::Deserialize;
 
 /// `[camera]`
@@ -15,8 +15,8 @@ use serde::Deserialize;
 pub struct CameraTable {
     #[serde(default, rename = "type")]
     kind: CameraKind,
-    position: Point,
-    target: Option<Point>,
+    position: Position,
+    target: Option<Position>,
     direction: Option<Point>,
     up: Option<Point>,
     fov_x_deg: Option<f32>,
@@ -61,11 +61,11 @@ impl CameraKind {
 }
 
 impl CameraTable {
-    /// The camera.
-    pub fn camera(&self) -> Result<Camera> {
-        let position = self.position.0;
+    /// The camera of a scene whose origin is at this point.
+    pub fn camera(&self, origin: DVec3) -> Result<Camera> {
+        let position = self.position.relative_to(origin);
         let direction = match (self.target, self.direction) {
-            (Some(target), None) => target.0 - position,
+            (Some(target), None) => target.relative_to(origin) - position,
             (None, Some(direction)) => direction.0,
             _ => {
                 let advice = "give the point it looks at as `target`, or a vector as `direction`";

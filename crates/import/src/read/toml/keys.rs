@@ -95,23 +95,46 @@ impl<'de> Deserialize<'de> for Triple {
     }
 }
 
-/// A point or direction: three coordinates of at most [`MAX_COORDINATE`].
+/// A direction, or an edge: three coordinates of at most [`MAX_COORDINATE`].
 #[derive(Clone, Copy, Debug)]
 pub struct Point(pub Vec3);
 
 impl<'de> Deserialize<'de> for Point {
     fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
-        let Triple { values, is_single } = Triple::deserialize(from)?;
-        let error = if is_single {
-            Error::new("a single number stands for a point", "give 3 numbers, such as [0, 1, 0]")
-        } else if values.abs().max_element() > f64::from(MAX_COORDINATE) {
-            let problem = format!("a coordinate is beyond {MAX_COORDINATE:e}");
-            Error::new(problem, "scale the scene down")
-        } else {
-            return Ok(Self(values.as_vec3()));
-        };
-        Err(as_serde(error))
+        checked_point(from).map(|values| Self(values.as_vec3()))
     }
+}
+
+/// A position in the coordinates of the file, in double precision: three coordinates of at most
+/// [`MAX_COORDINATE`].
+#[derive(Clone, Copy, Debug)]
+pub struct Position(DVec3);
+
+impl Position {
+    /// The position in a scene whose origin is at this point of the file.
+    pub fn relative_to(self, origin: DVec3) -> Vec3 {
+        (self.0 - origin).as_vec3()
+    }
+}
+
+impl<'de> Deserialize<'de> for Position {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
+        checked_point(from).map(Self)
+    }
+}
+
+/// Three coordinates of at most [`MAX_COORDINATE`].
+fn checked_point<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<DVec3, D::Error> {
+    let Triple { values, is_single } = Triple::deserialize(from)?;
+    let error = if is_single {
+        Error::new("a single number stands for a point", "give 3 numbers, such as [0, 1, 0]")
+    } else if values.abs().max_element() > f64::from(MAX_COORDINATE) {
+        let problem = format!("a coordinate is beyond {MAX_COORDINATE:e}");
+        Error::new(problem, "scale the scene down")
+    } else {
+        return Ok(values);
+    };
+    Err(as_serde(error))
 }
 
 /// The rectangles of a region.
@@ -143,14 +166,15 @@ struct CameraFile {
     render: PartialSettings,
 }
 
-/// Reads only the camera of a scene file, and the resolution of its image.
+/// Reads only the camera of a scene file, for a scene whose origin is at this point, and the
+/// resolution of its image.
 ///
 /// # Errors
 /// If there is no `[camera]`, or it is not valid.
-pub fn camera_alone(path: &Path, text: &str) -> Result<(Camera, Option<[u32; 2]>)> {
+pub fn camera_alone(path: &Path, text: &str, origin: DVec3) -> Result<(Camera, Option<[u32; 2]>)> {
     let CameraFile { camera, render } = parse_table(path, text)?;
     let start = camera.span().start;
-    let camera = camera.get_ref().camera().map_err(|e| e.at(path).at_offset(text, start))?;
+    let camera = camera.get_ref().camera(origin).map_err(|e| e.at(path).at_offset(text, start))?;
     Ok((camera, render.resolution))
 }
 
@@ -161,24 +185,25 @@ struct MeterFile {
     meter: Vec<Spanned<MeterTable>>,
 }
 
-/// Reads a file of `[[meter]]` tables.
+/// Reads a file of `[[meter]]` tables, for a scene whose origin is at this point.
 ///
 /// # Errors
 /// Names the line of a table that is not valid.
-pub fn meters_alone(path: &Path, text: &str) -> Result<Vec<MeterSet>> {
-    meter_sets(path, text, &parse_table::<MeterFile>(path, text)?.meter)
+pub fn meters_alone(path: &Path, text: &str, origin: DVec3) -> Result<Vec<MeterSet>> {
+    meter_sets(path, text, &parse_table::<MeterFile>(path, text)?.meter, origin)
 }
 
-/// The meters of the tables of a file.
+/// The meters of the tables of a file, for a scene whose origin is at this point.
 pub fn meter_sets(
     path: &Path,
     text: &str,
     tables: &[Spanned<MeterTable>],
+    origin: DVec3,
 ) -> Result<Vec<MeterSet>> {
     let mut left = MAX_METERS;
     let set = |(number, table): (usize, &Spanned<MeterTable>)| {
         let place = |error: Error| error.at(path).at_offset(text, table.span().start);
-        let own = table.get_ref().set(number).map_err(place)?;
+        let own = table.get_ref().set(number, origin).map_err(place)?;
         left = left.checked_sub(own.meters.len() as u64).ok_or_else(|| {
             let problem = format!("the tables up to here have over {MAX_METERS} meters");
             place(Error::new(problem, "give fewer columns and rows"))

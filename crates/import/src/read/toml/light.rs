@@ -1,7 +1,7 @@
 //! `[[light]]` of a scene file, in radiometric or photometric units.
 
-use super::keys::Point;
-use super::luminaire::{LuminaireFiles, LuminaireTable};
+use super::keys::{Point, Position};
+use super::luminaire::{LuminaireFiles, OpeningChoice};
 use super::numbers::NonNegative;
 use crate::light::spot;
 use crate::luminaires::PlacedLuminaire;
@@ -10,41 +10,92 @@ use bdpm_core::base::math::Rgb;
 use bdpm_core::base::photometry::LUMENS_PER_WATT;
 use bdpm_core::scene::lights::emitter::{Directional, Emitter, Spot};
 use bdpm_core::scene::transform::normalized;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::Deserialize;
 use std::f32::consts::PI;
 use std::path::Path;
 
-/// `[[light]]`
+/// `[[light]]`: the keys of all types, so that an unknown or wrong one is reported at its own line.
 #[derive(Debug, Deserialize)]
-#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum LightTable {
-    Point {
-        position: Point,
-        intensity: Option<NonNegative>,
-        power: Option<NonNegative>,
-        candela: Option<NonNegative>,
-        lumen: Option<NonNegative>,
-    },
-    Spot {
-        position: Point,
-        target: Option<Point>,
-        direction: Option<Point>,
-        /// Half the opening angles of the cones, from the axis.
-        outer_deg: f32,
-        #[serde(default)]
-        inner_deg: f32,
-        intensity: Option<NonNegative>,
-        power: Option<NonNegative>,
-        candela: Option<NonNegative>,
-        lumen: Option<NonNegative>,
-    },
-    Sun {
-        direction: Point,
-        irradiance: Option<NonNegative>,
-        lux: Option<NonNegative>,
-    },
-    Luminaire(LuminaireTable),
+#[serde(deny_unknown_fields)]
+pub struct LightTable {
+    #[serde(rename = "type")]
+    kind: LightKind,
+    pub(super) name: Option<String>,
+    pub(super) position: Option<Position>,
+    target: Option<Position>,
+    pub(super) direction: Option<Point>,
+    /// Half the opening angles of the cones of a spot, from the axis.
+    outer_deg: Option<f32>,
+    inner_deg: Option<f32>,
+    intensity: Option<NonNegative>,
+    power: Option<NonNegative>,
+    candela: Option<NonNegative>,
+    pub(super) lumen: Option<NonNegative>,
+    irradiance: Option<NonNegative>,
+    lux: Option<NonNegative>,
+    pub(super) file: Option<String>,
+    /// Toward the plane C0 of a luminaire.
+    pub(super) c0: Option<Point>,
+    /// Turn about the direction, counterclockwise as seen from behind the luminaire.
+    pub(super) turn_deg: Option<f64>,
+    /// Tilt for the tilt factors of the file.
+    pub(super) tilt_deg: Option<f64>,
+    pub(super) scale: Option<f64>,
+    pub(super) color: Option<NonNegative>,
+    pub(super) opening: Option<OpeningChoice>,
+    /// Whether camera rays pass the opening.
+    pub(super) hidden: Option<bool>,
+}
+
+/// Types of lights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum LightKind {
+    Point,
+    Spot,
+    Sun,
+    Luminaire,
+}
+
+impl LightKind {
+    /// Name of the type, and keys that it has besides `type` and `name`.
+    fn keys(self) -> (&'static str, &'static [&'static str]) {
+        match self {
+            Self::Point => ("point", &["position", "intensity", "power", "candela", "lumen"]),
+            Self::Spot => {
+                let keys = &[
+                    "position",
+                    "target",
+                    "direction",
+                    "outer_deg",
+                    "inner_deg",
+                    "intensity",
+                    "power",
+                    "candela",
+                    "lumen",
+                ];
+                ("spot", keys)
+            }
+            Self::Sun => ("sun", &["direction", "irradiance", "lux"]),
+            Self::Luminaire => {
+                let keys = &[
+                    "file",
+                    "position",
+                    "direction",
+                    "c0",
+                    "turn_deg",
+                    "tilt_deg",
+                    "scale",
+                    "lumen",
+                    "color",
+                    "opening",
+                    "hidden",
+                ];
+                ("luminaire", keys)
+            }
+        }
+    }
 }
 
 /// A light of a scene file.
@@ -55,67 +106,112 @@ pub enum TableLight {
 }
 
 impl LightTable {
-    /// The light; files are in `folder`.
-    pub fn light(&self, folder: &Path, files: &mut LuminaireFiles) -> Result<TableLight> {
-        if let Self::Luminaire(table) = self {
-            let (luminaire, notes) = table.luminaire(folder, files)?;
-            return Ok(TableLight::Luminaire(luminaire, notes));
-        }
-        self.emitter().map(TableLight::Emitter)
+    /// Name in results.
+    pub fn name(&self) -> Option<&str> {
+        self.name.as_deref()
     }
 
-    fn emitter(&self) -> Result<Emitter> {
-        match self {
-            Self::Point { position, intensity, power, candela, lumen } => {
-                let intensity = one_of(&[
-                    ("intensity", intensity, 1.0),
-                    ("power", power, 1.0 / (4.0 * PI)),
-                    ("candela", candela, 1.0 / LUMENS_PER_WATT),
-                    ("lumen", lumen, 1.0 / (4.0 * PI * LUMENS_PER_WATT)),
-                ])?;
-                Ok(Emitter::Point { position: position.0, intensity })
+    /// The light in a scene whose origin is at this point; files are in `folder`.
+    pub fn light(
+        &self,
+        folder: &Path,
+        files: &mut LuminaireFiles,
+        origin: DVec3,
+    ) -> Result<TableLight> {
+        self.check_keys()?;
+        match self.kind {
+            LightKind::Point => self.point(origin),
+            LightKind::Spot => self.spot(origin),
+            LightKind::Sun => self.sun(),
+            LightKind::Luminaire => {
+                let (luminaire, notes) = self.luminaire(folder, files, origin)?;
+                return Ok(TableLight::Luminaire(luminaire, notes));
             }
-            Self::Spot {
-                position,
-                target,
-                direction,
-                outer_deg,
-                inner_deg,
-                intensity,
-                power,
-                candela,
-                lumen,
-            } => {
-                let direction = match (target, direction) {
-                    (Some(target), None) => target.0 - position.0,
-                    (None, Some(direction)) => direction.0,
-                    _ => {
-                        let advice =
-                            "give the point it shines at as `target`, or a vector as `direction`";
-                        let problem = "a spot needs exactly one of `target` and `direction`";
-                        return Err(Error::new(problem, advice));
-                    }
-                };
-                let cosines = cones(*inner_deg, *outer_deg)?;
-                let spot = spot(position.0, unit(direction)?, Rgb::ONE, cosines);
-                let solid_angle = spot.solid_angle();
-                let intensity = one_of(&[
-                    ("intensity", intensity, 1.0),
-                    ("power", power, 1.0 / solid_angle),
-                    ("candela", candela, 1.0 / LUMENS_PER_WATT),
-                    ("lumen", lumen, 1.0 / (solid_angle * LUMENS_PER_WATT)),
-                ])?;
-                Ok(Emitter::Spot(Spot { intensity, ..spot }))
-            }
-            Self::Sun { direction, irradiance, lux } => {
-                let irradiance = one_of(&[
-                    ("irradiance", irradiance, 1.0),
-                    ("lux", lux, 1.0 / LUMENS_PER_WATT),
-                ])?;
-                Ok(Emitter::Directional(Directional::new(unit(direction.0)?, irradiance)))
-            }
-            Self::Luminaire(_) => unreachable!("`light` returns it before"),
         }
+        .map(TableLight::Emitter)
+    }
+
+    /// Refuses keys of other types.
+    fn check_keys(&self) -> Result<()> {
+        let given = [
+            ("position", self.position.is_some()),
+            ("target", self.target.is_some()),
+            ("direction", self.direction.is_some()),
+            ("outer_deg", self.outer_deg.is_some()),
+            ("inner_deg", self.inner_deg.is_some()),
+            ("intensity", self.intensity.is_some()),
+            ("power", self.power.is_some()),
+            ("candela", self.candela.is_some()),
+            ("lumen", self.lumen.is_some()),
+            ("irradiance", self.irradiance.is_some()),
+            ("lux", self.lux.is_some()),
+            ("file", self.file.is_some()),
+            ("c0", self.c0.is_some()),
+            ("turn_deg", self.turn_deg.is_some()),
+            ("tilt_deg", self.tilt_deg.is_some()),
+            ("scale", self.scale.is_some()),
+            ("color", self.color.is_some()),
+            ("opening", self.opening.is_some()),
+            ("hidden", self.hidden.is_some()),
+        ];
+        let (kind, keys) = self.kind.keys();
+        let foreign = given.into_iter().find(|(key, is_given)| *is_given && !keys.contains(key));
+        let Some((key, _)) = foreign else { return Ok(()) };
+        let problem = format!("unknown key `{key}` of a light of the type \"{kind}\"");
+        let names: Vec<_> = keys.iter().map(|key| format!("`{key}`")).collect();
+        Err(Error::new(problem, format!("use {}", names.join(", "))))
+    }
+
+    /// The value of a key that the type of the light needs.
+    pub(super) fn need<T>(&self, key: &str, value: Option<T>) -> Result<T> {
+        let (kind, _) = self.kind.keys();
+        value.ok_or_else(|| {
+            let problem = format!("the key `{key}` of a light of the type \"{kind}\" is missing");
+            Error::new(problem, "add it; docs/reference/scene-format.md lists the keys of lights")
+        })
+    }
+
+    /// The only one of four amounts of light of a point or spot, W/sr; `solid_angle` is that of a
+    /// spot with the intensity of its axis, sr.
+    fn axial_intensity(&self, solid_angle: f32) -> Result<Rgb> {
+        one_of(&[
+            ("intensity", &self.intensity, 1.0),
+            ("power", &self.power, 1.0 / solid_angle),
+            ("candela", &self.candela, 1.0 / LUMENS_PER_WATT),
+            ("lumen", &self.lumen, 1.0 / (solid_angle * LUMENS_PER_WATT)),
+        ])
+    }
+
+    fn point(&self, origin: DVec3) -> Result<Emitter> {
+        let position = self.need("position", self.position)?.relative_to(origin);
+        Ok(Emitter::Point { position, intensity: self.axial_intensity(4.0 * PI)? })
+    }
+
+    fn spot(&self, origin: DVec3) -> Result<Emitter> {
+        let position = self.need("position", self.position)?.relative_to(origin);
+        let direction = match (self.target, self.direction) {
+            (Some(target), None) => target.relative_to(origin) - position,
+            (None, Some(direction)) => direction.0,
+            _ => {
+                let advice = "give the point it shines at as `target`, or a vector as `direction`";
+                let problem = "a spot needs exactly one of `target` and `direction`";
+                return Err(Error::new(problem, advice));
+            }
+        };
+        let outer_deg = self.need("outer_deg", self.outer_deg)?;
+        let cosines = cones(self.inner_deg.unwrap_or(0.0), outer_deg)?;
+        let spot = spot(position, unit(direction)?, Rgb::ONE, cosines);
+        let intensity = self.axial_intensity(spot.solid_angle())?;
+        Ok(Emitter::Spot(Spot { intensity, ..spot }))
+    }
+
+    fn sun(&self) -> Result<Emitter> {
+        let irradiance = one_of(&[
+            ("irradiance", &self.irradiance, 1.0),
+            ("lux", &self.lux, 1.0 / LUMENS_PER_WATT),
+        ])?;
+        let direction = self.need("direction", self.direction)?;
+        Ok(Emitter::Directional(Directional::new(unit(direction.0)?, irradiance)))
     }
 }
 

@@ -1,6 +1,6 @@
 //! `[[light]]` of the type `luminaire`: an IES or EULUMDAT file with its place in the scene.
 
-use super::keys::Point;
+use super::light::LightTable;
 use super::numbers::NonNegative;
 use crate::luminaires::{PlacedLuminaire, frame};
 use crate::text::RELATIVE_NAME;
@@ -9,41 +9,16 @@ use bdpm_core::base::math::{Rgb, luminance};
 use bdpm_core::base::photometry::LUMENS_PER_WATT;
 use bdpm_core::scene::IntensityDistribution;
 use bdpm_light::photometry::{LuminaireFile, OpeningShape};
+use glam::DVec3;
 use serde::Deserialize;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A `[[light]]` of the type `luminaire`.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LuminaireTable {
-    file: String,
-    position: Point,
-    /// Toward the nadir of the file, gamma = 0.
-    direction: Option<Point>,
-    /// Toward the plane C0.
-    c0: Option<Point>,
-    /// Turn about the direction, counterclockwise as seen from behind the luminaire.
-    #[serde(default)]
-    turn_deg: f64,
-    /// Tilt for the tilt factors of the file.
-    #[serde(default)]
-    tilt_deg: f64,
-    scale: Option<f64>,
-    lumen: Option<f64>,
-    color: Option<NonNegative>,
-    #[serde(default)]
-    opening: OpeningChoice,
-    /// Whether camera rays pass the opening.
-    #[serde(default)]
-    hidden: bool,
-}
-
 /// Whether the luminous opening of the file is built.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
-enum OpeningChoice {
+pub enum OpeningChoice {
     #[default]
     File,
     Point,
@@ -64,23 +39,26 @@ impl LuminaireFiles {
     }
 }
 
-impl LuminaireTable {
-    /// Reads the file, and places the luminaire.
-    pub fn luminaire(
+impl LightTable {
+    /// Reads the file, and places the luminaire in a scene whose origin is at this point.
+    pub(super) fn luminaire(
         &self,
         folder: &Path,
         files: &mut LuminaireFiles,
+        origin: DVec3,
     ) -> Result<(PlacedLuminaire, Vec<String>)> {
-        let path = folder.join(&self.file);
+        let file = self.need("file", self.file.as_ref())?;
+        let position = self.need("position", self.position)?.relative_to(origin);
+        let path = folder.join(file);
         if !path.is_file() {
-            return Err(Error::new(format!("there is no file `{}`", self.file), RELATIVE_NAME));
+            return Err(Error::new(format!("there is no file `{file}`"), RELATIVE_NAME));
         }
         let (read, distribution) = files.read(&path)?;
         let direction = self.direction.map(|direction| direction.0.as_dvec3());
         let c0 = self.c0.map(|c0| c0.0.as_dvec3());
-        let axes = frame(direction, c0, self.turn_deg)?;
+        let axes = frame(direction, c0, self.turn_deg.unwrap_or(0.0))?;
         let flux = read.distribution.flux();
-        let factor = match (self.scale, self.lumen) {
+        let factor = match (self.scale, self.total_lumen()?) {
             (None, None) => 1.0,
             (Some(scale), None) => scale,
             (None, Some(lumen)) => lumen / flux,
@@ -89,7 +67,7 @@ impl LuminaireTable {
                 return Err(Error::new(problem, "give one of them"));
             }
         };
-        let factor = factor * read.tilt_factor(self.tilt_deg);
+        let factor = factor * read.tilt_factor(self.tilt_deg.unwrap_or(0.0));
         // Written so that NaN fails.
         if !(factor >= 0.0 && factor.is_finite()) {
             let problem = format!("the factor of the intensity is {factor}");
@@ -104,12 +82,12 @@ impl LuminaireTable {
             return Err(Error::new("the color of the luminaire is black", advice));
         }
         let factor = color / own * (factor as f32 / LUMENS_PER_WATT);
-        let opening = match self.opening {
+        let opening = match self.opening.unwrap_or_default() {
             OpeningChoice::File => read.opening,
             OpeningChoice::Point => OpeningShape::Point,
         };
-        let name = if read.name.is_empty() { self.file.clone() } else { read.name.clone() };
-        let position = self.position.0;
+        let own = [self.name.as_ref(), Some(&read.name)].into_iter().flatten();
+        let name = own.into_iter().find(|name| !name.is_empty()).unwrap_or(file).clone();
         let luminaire = PlacedLuminaire {
             name,
             distribution: Arc::clone(distribution),
@@ -117,9 +95,18 @@ impl LuminaireTable {
             axes,
             position,
             factor,
-            is_hidden: self.hidden,
+            is_hidden: self.hidden.unwrap_or(false),
         };
         let notes = read.notes.iter().map(|note| format!("{}: {note}", path.display()));
         Ok((luminaire, notes.collect()))
+    }
+    /// The luminous flux that the file is scaled to, lm, if it is given.
+    fn total_lumen(&self) -> Result<Option<f64>> {
+        let Some(NonNegative(lumen)) = self.lumen else { return Ok(None) };
+        if lumen == Rgb::splat(lumen.x) {
+            return Ok(Some(f64::from(lumen.x)));
+        }
+        let advice = "give one number, and the hue as `color`";
+        Err(Error::new("the `lumen` of a luminaire are three numbers", advice))
     }
 }

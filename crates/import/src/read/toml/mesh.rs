@@ -137,7 +137,7 @@ impl SceneReader<'_> {
             let placed = self.placer.place(
                 &mut self.builder,
                 (&path, &obj),
-                transform,
+                &transform.relative_to(self.origin),
                 (material, &self.looks),
             );
             placed.ok_or_else(|| self.at(out_of_range(), start))?;
@@ -182,8 +182,9 @@ impl SceneReader<'_> {
         let obj = ObjFile::in_memory(mesh);
         self.builder.count(obj.triangle_count(), 0)?;
         self.check_material(material, &obj)?;
-        let (identity, look) = (Transform::IDENTITY, (Some(&material[..]), &self.looks));
-        let placed = self.placer.place(&mut self.builder, (self.path, &obj), &identity, look);
+        let moved = Transform::IDENTITY.relative_to(self.origin);
+        let look = (Some(&material[..]), &self.looks);
+        let placed = self.placer.place(&mut self.builder, (self.path, &obj), &moved, look);
         placed.ok_or_else(|| {
             let problem = format!("the mesh `{}` is out of the range of coordinates", mesh.name);
             Error::new(problem, "scale the scene down")

@@ -21,13 +21,14 @@ pub use mesh::NamedMesh;
 
 use super::ImportOptions;
 use super::obj::{ObjFile, ObjPlacer};
-use crate::builder::{Builder, Contents, EnvironmentReader, Imported};
+use crate::builder::{Builder, Contents, EnvironmentReader, Imported, ReadScene};
 use crate::look::Look;
 use crate::text::{self, list, placed_at};
 use crate::warnings::Warning;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::scene::transform::MAX_COORDINATE;
 use bdpm_core::scene::{Emitter, Medium, Region};
+use glam::DVec3;
 use keys::SceneFile;
 use light::TableLight;
 use luminaire::LuminaireFiles;
@@ -38,8 +39,8 @@ use std::sync::Arc;
 use texture::TomlTextures;
 
 /// Reads a scene file.
-pub(super) fn read(path: &Path, options: &ImportOptions) -> Result<Imported> {
-    read_meshes(path, &text::read(path)?, &[], options)
+pub(super) fn read(path: &Path, options: &ImportOptions) -> Result<ReadScene> {
+    read_once(path, &text::read(path)?, &[], options)
 }
 
 /// Builds a scene from `meshes` and the `text` of a scene file, as
@@ -53,9 +54,20 @@ pub fn read_meshes(
     meshes: &[NamedMesh],
     options: &ImportOptions,
 ) -> Result<Imported> {
+    ReadScene::near(options, |options| read_once(path, text, meshes, options))
+}
+
+/// Reads a scene as [`read_meshes`] does, unless it is far from the origin.
+fn read_once(
+    path: &Path,
+    text: &str,
+    meshes: &[NamedMesh],
+    options: &ImportOptions,
+) -> Result<ReadScene> {
     let file = keys::parse(path, text)?;
     let reader = SceneReader {
         path,
+        origin: options.origin(),
         folder: path.parent().unwrap_or(Path::new("")),
         text,
         builder: Builder::default(),
@@ -70,6 +82,8 @@ pub fn read_meshes(
 /// A scene that is being read.
 struct SceneReader<'a> {
     path: &'a Path,
+    /// Point of the file that is the origin of the scene.
+    origin: DVec3,
     folder: &'a Path,
     text: &'a str,
     builder: Builder,
@@ -89,8 +103,8 @@ impl<'a> SceneReader<'a> {
         file: &'a SceneFile,
         meshes: &[NamedMesh],
         options: &ImportOptions,
-    ) -> Result<Imported> {
-        let camera = file.camera.get_ref().camera();
+    ) -> Result<ReadScene> {
+        let camera = file.camera.get_ref().camera(self.origin);
         let camera = camera.map_err(|error| self.at(error, file.camera.span().start))?;
         self.media = medium::media(&file.media).map_err(|error| self.place(error))?;
         let mut textures = TomlTextures::new(self.folder);
@@ -100,7 +114,7 @@ impl<'a> SceneReader<'a> {
         }
         file.mesh.iter().try_for_each(|table| self.mesh(table))?;
         meshes.iter().try_for_each(|mesh| self.named_mesh(mesh))?;
-        let lights = self.lights(file)?;
+        let (lights, light_names) = self.lights(file)?;
         self.warn_of_unused();
         let filling = file.medium.as_ref().map(|name| medium::named(name, &self.media));
         let region = |(name, rectangles): (&String, &keys::Rectangles)| Region {
@@ -109,16 +123,17 @@ impl<'a> SceneReader<'a> {
         };
         let contents = Contents {
             lights,
+            light_names,
             camera: Some(camera),
             environment: self.environment(file)?,
             defaults: file.render.clone(),
             regions: file.regions.iter().map(region).collect(),
-            meters: keys::meter_sets(self.path, self.text, &file.meter)?,
+            meters: keys::meter_sets(self.path, self.text, &file.meter, self.origin)?,
             ray_offset: self.ray_offset(file)?,
             filling_medium: filling.transpose().map_err(|error| self.place(error))?,
             ..Contents::default()
         };
-        self.builder.finish(self.path, contents, options.environment)
+        self.builder.finish(self.path, contents, options)
     }
 
     /// The error at a byte offset in the file.
@@ -130,22 +145,30 @@ impl<'a> SceneReader<'a> {
         self.at(error, offset)
     }
 
-    /// Adds all luminaires with an opening to the meshes, and returns the other lights.
-    fn lights(&mut self, file: &SceneFile) -> Result<Vec<Emitter>> {
-        let (mut lights, mut luminaires) = (Vec::new(), LuminaireFiles::default());
+    /// Adds all luminaires with an opening to the meshes, and returns the other lights with their
+    /// names.
+    fn lights(&mut self, file: &SceneFile) -> Result<(Vec<Emitter>, Vec<Option<String>>)> {
+        let (mut lights, mut names) = (Vec::new(), Vec::new());
+        let mut luminaires = LuminaireFiles::default();
         for table in &file.light {
             let start = table.span().start;
-            let light = table.get_ref().light(self.folder, &mut luminaires);
+            let light = table.get_ref().light(self.folder, &mut luminaires, self.origin);
             match light.map_err(|error| within(error, self.path, self.text, start))? {
-                TableLight::Emitter(emitter) => lights.push(emitter),
+                TableLight::Emitter(emitter) => {
+                    lights.push(emitter);
+                    names.push(table.get_ref().name().map(str::to_owned));
+                }
                 TableLight::Luminaire(luminaire, notes) => {
                     self.builder.warnings.extend(notes.into_iter().map(Warning::chosen));
+                    let name = luminaire.name.clone();
                     let added = self.builder.add_luminaire(luminaire);
-                    lights.extend(added.map_err(|error| self.at(error, start))?);
+                    let added = added.map_err(|error| self.at(error, start))?;
+                    names.extend(added.as_ref().map(|_| Some(name)));
+                    lights.extend(added);
                 }
             }
         }
-        Ok(lights)
+        Ok((lights, names))
     }
 
     fn warn_of_unused(&mut self) {

@@ -1,0 +1,67 @@
+"""Measurements of light: meters and glare."""
+
+import math
+from typing import Any
+
+import bdpm
+import numpy as np
+import pytest
+
+LUMENS_PER_WATT = 683.0
+
+
+def floor(**more: Any) -> bdpm.Scene:
+    """A black floor of 2 by 2 at y = 0."""
+    mesh = bdpm.Mesh(
+        [(-1, 0, -1), (-1, 0, 1), (1, 0, 1), (1, 0, -1)], [(0, 1, 2), (0, 2, 3)], material={"albedo": 0.0}
+    )
+    camera = {"type": "fisheye", "position": (0, 0.5, 0), "target": (0, 5, 0), "up": (0, 0, 1)}
+    return bdpm.Scene.from_meshes([mesh], camera=camera, **more)
+
+
+def test_meters_have_the_inverse_square_law_and_their_places() -> None:
+    lamp = {"type": "point", "name": "lamp", "position": (0, 2, 0), "candela": 1000}
+    meters = [
+        {"name": "center", "position": (0, 0, 0), "normal": (0, 1, 0)},
+        {
+            "name": "grid", "corner": (-1, 0, -1), "edges": ((2, 0, 0), (0, 0, 2)), "normal": (0, 1, 0),
+            "columns": 3, "rows": 2,
+        },
+    ]
+    measured = bdpm.measure(floor(lights=[lamp]), meters=meters, target_error=0.02, by_light=True, accel="bvh")
+    center, grid = measured.meters
+    assert (center.name, center.quantity, center.unit) == ("center", "illuminance", "lx")
+    assert center.values.shape == (1, 1) and grid.values.shape == (2, 3)
+    assert float(center.mean) == pytest.approx(250, rel=1e-3)
+    np.testing.assert_allclose(grid.positions[1, 0], (-2 / 3, 0, 0.5), atol=1e-6)
+    np.testing.assert_allclose(grid.normals[0, 2], (0, 1, 0))
+    distance2 = (grid.positions[..., 0] ** 2 + grid.positions[..., 2] ** 2) + 4
+    np.testing.assert_allclose(grid.values, 1000 * 2 / distance2**1.5, rtol=1e-3)
+    assert list(grid.by_light) == ["lamp"]
+    np.testing.assert_allclose(grid.by_light["lamp"].values, grid.values)
+    assert measured.reached and measured.seconds > 0
+
+
+def test_meters_that_are_not_valid_name_the_table() -> None:
+    with pytest.raises(bdpm.Error, match="neither a point nor a grid"):
+        bdpm.measure(floor(environment={"radiance": 1}), meters=[{"name": "a"}])
+
+
+def test_glare_of_an_even_image_has_its_illuminance() -> None:
+    image = np.ones((200, 200, 3), np.float32)
+    rating = bdpm.glare(image)
+    assert rating["vertical_illuminance"] == pytest.approx(math.pi * LUMENS_PER_WATT, rel=0.01)
+    assert rating["ugr"] is None and rating["expanded"] is None
+    with pytest.raises(ValueError, match="projection"):
+        bdpm.glare(image, projection="flat")
+
+
+def test_glare_of_a_path_traced_result_has_uncertainties() -> None:
+    scene = floor(environment={"radiance": 1})
+    result = bdpm.render(scene, iterations=8, camera_paths=2, strategy="path", resolution=(48, 48), accel="bvh")
+    rating = bdpm.glare(result)
+    # The half space above the eye has the radiance 1.
+    assert rating["vertical_illuminance"] == pytest.approx(math.pi * LUMENS_PER_WATT, rel=0.02)
+    assert rating["expanded"]["vertical_illuminance"] >= 0
+    with pytest.raises(ValueError, match="fisheye"):
+        bdpm.glare(bdpm.render(bdpm.load("scenes/cornell-box"), iterations=2, resolution=(16, 16), accel="bvh"))
