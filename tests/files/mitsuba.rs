@@ -1,9 +1,9 @@
 //! Mitsuba's scenes: conversion of elements, and errors with their position.
 
 use bdpm::import::WarningKind;
-use bdpm::load::{LoadOptions, Loaded, export, load, load_with};
+use bdpm::load::{Loaded, export, load};
 use bdpm::scene::bsdf::{Bsdf, FacetModel, Principled, PrincipledParameters};
-use bdpm::scene::{Emitter, Extent, FieldOfView, Optics, RefractiveIndex};
+use bdpm::scene::{Emitter, RefractiveIndex};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -13,30 +13,30 @@ fn data() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/mitsuba")
 }
 
-const CAMERA: &str = "<sensor type='perspective'><float name='fov' value='40'/><transform name='to_world'>\
+pub(super) const CAMERA: &str = "<sensor type='perspective'><float name='fov' value='40'/><transform name='to_world'>\
     <lookat origin='0, 0, 5' target='0, 0, 0' up='0, 1, 0'/></transform></sensor>\n";
-const LIGHT: &str = "<emitter type='constant'/>\n";
-const SQUARE: &str = "<shape type='rectangle'/>\n";
+pub(super) const LIGHT: &str = "<emitter type='constant'/>\n";
+pub(super) const SQUARE: &str = "<shape type='rectangle'/>\n";
 
-fn scene(inside: &str) -> String {
+pub(super) fn scene(inside: &str) -> String {
     format!("<scene version='3.0.0'>\n{inside}</scene>\n")
 }
 
 /// A folder with this text as `a.xml`.
-fn folder(text: &str) -> TempDir {
+pub(super) fn folder(text: &str) -> TempDir {
     let folder = TempDir::new().unwrap();
     std::fs::write(folder.path().join("a.xml"), text).unwrap();
     folder
 }
 
 #[track_caller]
-fn read(text: &str) -> Loaded {
+pub(super) fn read(text: &str) -> Loaded {
     load(folder(text).path().join("a.xml")).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// A scene of camera, light and what is inside.
 #[track_caller]
-fn with(inside: &str) -> Loaded {
+pub(super) fn with(inside: &str) -> Loaded {
     read(&scene(&[CAMERA, LIGHT, inside].concat()))
 }
 
@@ -48,7 +48,7 @@ fn look(bsdf: &str) -> Bsdf {
 
 /// The text must be refused with all parts in the message.
 #[track_caller]
-fn refused(text: &str, parts: &[&str]) {
+pub(super) fn refused(text: &str, parts: &[&str]) {
     let error = load(folder(text).path().join("a.xml")).expect_err("it is wrong").to_string();
     for part in parts {
         assert!(error.contains(part), "{part} is not in\n{error}");
@@ -79,110 +79,6 @@ fn committed_mitsuba_files_load_and_export() {
         assert_eq!(loaded.scene.triangle_count(), again.scene.triangle_count(), "{name}");
     }
     assert!(count >= 26, "{count}");
-}
-
-#[test]
-fn mitsuba_camera_looks_along_z_with_x_to_the_left() {
-    let camera = with(SQUARE).scene.camera;
-    assert_eq!(camera.position(), Vec3::new(0.0, 0.0, 5.0));
-    assert!((camera.direction() - Vec3::NEG_Z).length() < 1e-6);
-    assert!((camera.up() - Vec3::Y).length() < 1e-6);
-    assert_eq!(camera.optics(), Optics::Pinhole(FieldOfView::X(40.0)));
-    for (axis, expected) in [
-        ("y", FieldOfView::Y(50.0)),
-        ("smaller", FieldOfView::Y(50.0)),
-        ("larger", FieldOfView::X(50.0)),
-    ] {
-        let text = format!(
-            "<sensor type='perspective'><float name='fov' value='50'/><string name='fov_axis' value='{axis}'/>\
-             <film type='hdrfilm'><integer name='width' value='30'/><integer name='height' value='20'/></film>\
-             </sensor>"
-        );
-        let loaded = read(&scene(&[&text, LIGHT, SQUARE].concat()));
-        assert_eq!(loaded.scene.camera.optics(), Optics::Pinhole(expected), "{axis}");
-        assert_eq!(loaded.defaults.resolution, Some([30, 20]));
-    }
-    // 50 mm of 36 mm times 24 mm film, across the diagonal.
-    let text = scene(&["<sensor type='perspective'/>", LIGHT, SQUARE].concat());
-    let Optics::Pinhole(FieldOfView::X(degrees)) = read(&text).scene.camera.optics() else {
-        panic!()
-    };
-    assert!((degrees - 38.1848).abs() < 1e-3, "as mitsuba 3.9.1 says: {degrees}");
-}
-
-#[test]
-fn orthographic_sensors_show_two_units_of_their_space() {
-    let flat = |film: &str| {
-        let text = format!(
-            "<sensor type='orthographic'><transform name='to_world'><scale x='3' y='3'/>\
-             <lookat origin='0, 0, 5' target='0, 0, 0' up='0, 1, 0'/></transform>\
-             <film type='hdrfilm'><integer name='width' value='40'/><integer name='height' value='20'/>{film}\
-             </film></sensor>"
-        );
-        read(&scene(&[&text, LIGHT, SQUARE].concat())).scene.camera
-    };
-    assert_eq!(flat("").optics(), Optics::Orthographic(Extent::X(6.0)));
-    let part =
-        flat("<integer name='crop_width' value='10'/><integer name='crop_offset_x' value='30'/>");
-    assert_eq!(part.optics(), Optics::Orthographic(Extent::X(1.5)));
-    assert_eq!(part.shift(), [1.5, 0.0]);
-}
-
-#[test]
-fn cropped_and_shifted_films_match_the_whole_film() {
-    let film = |what: &str, of: &str| {
-        let text = format!(
-            "<sensor type='perspective'><float name='fov' value='50'/>{what}<film type='hdrfilm'>\
-             <integer name='width' value='30'/><integer name='height' value='20'/>{of}</film></sensor>"
-        );
-        scene(&[&text, LIGHT, SQUARE].concat())
-    };
-    let number = |name: &str, value: u32| format!("<integer name='crop_{name}' value='{value}'/>");
-    let part = |x, y, width, height| {
-        [("offset_x", x), ("offset_y", y), ("width", width), ("height", height)]
-            .map(|(name, value)| number(name, value))
-            .concat()
-    };
-    let seen = |text: &str, x: f32, y: f32| {
-        let loaded = read(text);
-        let [width, height] = loaded.defaults.resolution.unwrap();
-        (loaded.scene.camera.view(width, height).ray(x, y, [0.5; 2]).0.direction, [width, height])
-    };
-    let (whole, _) = seen(&film("", ""), 12.5, 7.0);
-    let (cropped, size) = seen(&film("", &part(10, 5, 12, 6)), 2.5, 2.0);
-    assert!((whole - cropped).length() < 1e-5 && size == [12, 6], "{whole} {cropped} {size:?}");
-    let moved = "<float name='principal_point_offset_x' value='0.1'/>\
-                 <float name='principal_point_offset_y' value='-0.2'/>";
-    for (of, x, y) in [(String::new(), 9.5, 11.0), (part(4, 5, 12, 6), 5.5, 6.0)] {
-        let (moved, _) = seen(&film(moved, &of), x, y);
-        assert!((whole - moved).length() < 1e-5, "{whole} {moved}");
-    }
-    refused(&film("", &part(25, 0, 10, 5)), &["a.xml:2", "not within the film of 30 x 20"]);
-}
-
-#[test]
-fn sensors_are_chosen_by_their_id() {
-    let two = CAMERA.replace("<sensor ", "<sensor id='one' ")
-        + "<sensor type='perspective' id='two'><float name='fov' value='20'/></sensor>";
-    let folder = folder(&scene(&[&two, LIGHT, SQUARE].concat()));
-    let path = folder.path().join("a.xml");
-    let chosen = |camera| load_with(&path, &LoadOptions { camera, ..LoadOptions::default() });
-    assert_eq!(chosen(Some("two")).unwrap().scene.camera.position(), Vec3::ZERO);
-    let first = chosen(None).unwrap();
-    assert_eq!(first.summary.camera.as_deref(), Some("one"));
-    assert!(first.warnings_text().contains("the first of several cameras"));
-    let error = chosen(Some("three")).unwrap_err().to_string();
-    assert!(error.contains("`three`") && error.contains("`one`, `two`"), "{error}");
-}
-
-#[test]
-fn mirrored_cameras_mirror_the_scene() {
-    let mirrored = CAMERA.replace("<lookat", "<scale x='-1'/><lookat");
-    let square =
-        "<shape type='rectangle'><transform name='to_world'><translate x='2'/></transform></shape>";
-    let loaded = read(&scene(&[&mirrored, LIGHT, square].concat()));
-    assert!((loaded.scene.bounds().center() - Vec3::new(-2.0, 0.0, 0.0)).length() < 1e-5);
-    assert!(loaded.warnings_text().contains("mirrored"), "{}", loaded.warnings_text());
 }
 
 #[test]
@@ -467,130 +363,6 @@ fn differences_in_the_use_of_normals_are_warnings() {
         assert!(warned.warnings_text().contains(phrase), "{}", warned.warnings_text());
         assert_eq!(silent.warnings_text(), "");
     }
-}
-
-#[test]
-fn errors_name_file_line_and_element() {
-    let shape =
-        |inside: &str| scene(&format!("{CAMERA}{LIGHT}<shape type='rectangle'>\n{inside}</shape>"));
-    for (text, parts) in [
-        ("<scene>", &["a.xml:1: it is not valid XML"][..]),
-        ("<bsdf type='diffuse'/>", &["a.xml:1: its root is <bsdf>"]),
-        (&shape("<ref id='x'/>"), &["a.xml:5: <ref id=\"x\">: nothing has the id `x`", "5 | <ref"]),
-        (
-            &shape("<bsdf type='diffuse'>\n<rgb name='reflectance' value='a'/></bsdf>"),
-            &["a.xml:6:", "`a` is not"],
-        ),
-        (
-            &shape("<bsdf type='diffuse'><rgb name='reflectance' value='1 2'/></bsdf>"),
-            &["neither one nor three"],
-        ),
-        (
-            &shape("<bsdf type='conductor'><string name='material' value='Xx'/></bsdf>"),
-            &["unknown material `Xx`", "`Au`"],
-        ),
-        (
-            &shape("<transform name='to_world'><scale value='0'/></transform>"),
-            &["<shape type=\"rectangle\">", "flattens"],
-        ),
-        (
-            &shape("<transform name='to_world'><shear/></transform>"),
-            &["<shear>", "step of a transform is unknown"],
-        ),
-        (
-            &shape("<transform name='to_world'><matrix value='1 2 3'/></transform>"),
-            &["neither 16 nor 9"],
-        ),
-        (&shape("<bsdf type='mask'/>"), &["<bsdf type=\"mask\">", "no BSDF within"]),
-        (
-            &scene(&format!(
-                "{CAMERA}{LIGHT}<shape type='obj'><string name='filename' value='no.obj'/></shape>"
-            )),
-            &["no file `no.obj`"],
-        ),
-        (&scene(&format!("{CAMERA}{LIGHT}<shape type='instance'/>")), &["refers to no shapegroup"]),
-        (&scene("<float name='a' value='$b'/>"), &["the parameter `$b` has no value"]),
-        (
-            &scene("<bsdf type='diffuse' id='a'/><bsdf type='diffuse' id='a'/>"),
-            &["the id `a` is given twice"],
-        ),
-        (&scene("<include filename='b.xml'/>"), &["there is no file `b.xml`"]),
-        (&scene(&[CAMERA, LIGHT].concat()), &["the scene has no triangle"]),
-    ] {
-        refused(text, &[&["a.xml"], parts].concat());
-    }
-}
-
-#[test]
-fn hostile_files_are_refused() {
-    // Entities.
-    let bomb = "<?xml version='1.0'?><!DOCTYPE scene [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;'>]><scene>&b;</scene>";
-    refused(bomb, &["it has a DTD"]);
-    // Deep nesting: of ours, and of what the parser sees.
-    for depth in [60, 20_000] {
-        let deep = "<bsdf type='twosided'>".repeat(depth) + &"</bsdf>".repeat(depth);
-        refused(&scene(&deep), &["a.xml"]);
-    }
-    // References to themselves.
-    let cycle = "<bsdf type='twosided' id='a'><ref id='a'/></bsdf><shape type='rectangle'><ref id='a'/></shape>";
-    refused(&scene(&[CAMERA, LIGHT, cycle].concat()), &["refers to itself"]);
-    let group = "<shape type='shapegroup' id='g'><shape type='instance'><ref id='g'/></shape></shape>\
-                 <shape type='instance'><ref id='g'/></shape>";
-    refused(&scene(&[CAMERA, LIGHT, group].concat()), &["no triangle"]);
-    let texture = "<texture type='checkerboard' id='t'><ref name='color0' id='t'/></texture>\
-                   <shape type='rectangle'><bsdf type='diffuse'><ref name='reflectance' id='t'/></bsdf></shape>";
-    assert!(read(&scene(&[CAMERA, LIGHT, texture].concat())).warnings_text().contains("used gray"));
-    let spectrum = "<spectrum type='d65' id='t'><ref name='value' id='t'/></spectrum>\
-                    <emitter type='point'><ref name='intensity' id='t'/></emitter>";
-    refused(&scene(&[CAMERA, SQUARE, spectrum].concat()), &["D65 of D65"]);
-    refused(&scene("<include filename='a.xml'/>"), &["`a.xml` includes itself"]);
-    // Parameters and references that grow exponentially.
-    let mut text = "<default name='a0' value='xxxxxxxx'/>".to_owned();
-    for i in 0..40 {
-        text += &format!("<default name='b{}' value='$b{i}$b{i}'/>", i + 1).replace("$b0", "$a0");
-    }
-    refused(&scene(&text), &["more than 65536 bytes"]);
-    let mut text = "<bsdf type='diffuse' id='a0'/>".to_owned();
-    for i in 0..45 {
-        let next = i + 1;
-        text +=
-            &format!("<bsdf type='blendbsdf' id='a{next}'><ref id='a{i}'/><ref id='a{i}'/></bsdf>");
-    }
-    text += "<shape type='rectangle'><ref id='a45'/></shape>";
-    let albedo = Vec3::splat(0.5);
-    let loaded = read(&scene(&[CAMERA, LIGHT, &text].concat()));
-    assert_eq!(loaded.scene.materials()[0].bsdf, Bsdf::Lambertian { albedo, two_sided: false });
-}
-
-#[test]
-fn broken_mesh_files_are_refused() {
-    let shape = |kind: &str| {
-        scene(&format!(
-            "{CAMERA}{LIGHT}<shape type='{kind}'><string name='filename' value='m.{kind}'/></shape>"
-        ))
-    };
-    let header = |vertices: &str, rest: &str| {
-        format!(
-            "ply\nformat ascii 1.0\nelement vertex {vertices}\nproperty float x\nproperty float y\n\
-             property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n{rest}"
-        )
-    };
-    for (text, problem) in [
-        ("ply\n".to_owned(), "cannot read it as a PLY file"),
-        (header("4000000000", "0 0 0\n"), "the file ends before item 1 of the element `vertex`"),
-        (header("3", "0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n"), "a face uses vertex 7 of 3"),
-        (header("3", "0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n"), "face 0 has the vertex index -1"),
-        (header("3", "0 0 1e39\n1 0 0\n0 1 0\n3 0 1 2\n"), "vertex 0 of its file is not finite"),
-    ] {
-        let folder = folder(&shape("ply"));
-        std::fs::write(folder.path().join("m.ply"), &text).unwrap();
-        let error = load(folder.path().join("a.xml")).unwrap_err().to_string();
-        assert!(error.contains(problem), "{problem}: {error}");
-    }
-    let folder = folder(&shape("serialized"));
-    std::fs::write(folder.path().join("m.serialized"), b"PK12345").unwrap();
-    let error = load(folder.path().join("a.xml")).unwrap_err().to_string();
-    assert!(error.contains("m.serialized") && error.contains("not 0x041c"), "{error}");
 }
 
 /// Public scenes, where they are at hand.

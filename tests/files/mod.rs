@@ -3,6 +3,7 @@
 mod bad_input;
 mod bombs;
 mod camera_change;
+mod committed_scenes;
 mod convert;
 mod extreme_numbers;
 mod far;
@@ -22,6 +23,8 @@ mod luminaires;
 mod media;
 mod memory;
 mod mitsuba;
+mod mitsuba_bad;
+mod mitsuba_sensors;
 mod mtl;
 mod obj;
 mod pbrt;

@@ -25,6 +25,7 @@ mod luminaires;
 mod materials_furnace;
 mod materials_light;
 mod media;
+mod media_merges;
 mod media_slab;
 mod meters;
 mod mis;

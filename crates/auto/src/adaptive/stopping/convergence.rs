@@ -87,8 +87,9 @@ impl Convergence {
         {
             (Some(correction), Some(variance)) => {
                 let squares = correction.squared_noise.par_iter().zip(&variance);
-                let around: Vec<f64> = squares.map(|(own, variance)| own - variance).collect();
-                weighted_deviation(&around, importance, size) / mean_of(&variance)
+                let deviations: Vec<f64> =
+                    squares.map(|(square, variance)| square - variance).collect();
+                weighted_deviation(&deviations, importance, size) / mean_of(&variance)
             }
             _ => 0.0,
         };
@@ -125,7 +126,7 @@ impl Convergence {
     /// is larger.
     pub fn squared_bias(&self, stop: &Stop) -> SquaredPart {
         let known = self.known_bias(stop);
-        stop.difference.filter(|found| found.value > known.value).unwrap_or(known)
+        stop.difference.filter(|difference| difference.value > known.value).unwrap_or(known)
     }
 
     /// The squared bias by the image and by the pilot. The image measures it better and better:

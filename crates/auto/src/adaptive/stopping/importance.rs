@@ -54,11 +54,13 @@ pub fn luminances(image: &CombinedImage) -> Vec<f64> {
     };
     if image.bias_correction().is_some() {
         let (width, height) = image.resolution();
-        let corrected: Vec<_> = of(image.mean()).into_iter().map(|own| [own]).collect();
-        let around = box_filter(&corrected, width, height);
+        let corrected: Vec<_> = of(image.mean()).into_iter().map(|luminance| [luminance]).collect();
+        let pooled = box_filter(&corrected, width, height);
         // The noise of the correction must not darken single pixels: the neighborhood bounds it.
-        let pixels = clean.par_iter_mut().zip(&corrected).zip(&around);
-        pixels.for_each(|((clean, [own]), [around])| *clean = clean.min(own.max(*around)).max(0.0));
+        let pixels = clean.par_iter_mut().zip(&corrected).zip(&pooled);
+        pixels.for_each(|((clean, [corrected]), [pooled])| {
+            *clean = clean.min(corrected.max(*pooled)).max(0.0);
+        });
     }
     clean
 }

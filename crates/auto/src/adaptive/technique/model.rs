@@ -266,7 +266,7 @@ impl Model {
         // A trial can miss rare light if few pixels received photons, or if its radii are smaller
         // than all others. It then looks less noisy than it is.
         let is_small = (0..2).any(|class| radii[class] < self.smallest[class]);
-        let coefficients = if is_small || trial.found(weights) < ENOUGH_FOUND {
+        let coefficients = if is_small || trial.lit_pixels(weights) < ENOUGH_FOUND {
             let model = self.coefficients(radii);
             Coefficients { a: own.a.max(model.a), f: own.f.max(model.f), ..own }
         } else {

@@ -353,7 +353,7 @@ fn is_promising(finalists: &[Finalist], demand: &CandidateCost) -> bool {
 impl Tried {
     /// Whether direct light comes from a photon map that few pixels see.
     fn is_thin(&self, weights: &[f64]) -> bool {
-        let found = self.trials.iter().map(|trial| trial.found(weights));
+        let found = self.trials.iter().map(|trial| trial.lit_pixels(weights));
         self.technique.direct == Direct::PhotonMap && found.fold(0.0, f64::max) < ENOUGH_FOUND
     }
 

@@ -72,12 +72,12 @@ impl Trial {
         let weighted = self.noise.pixels.iter().zip(weights);
         let sum: Coefficients = weighted.map(|(pixel, &w)| pixel.noise.coefficients * w).sum();
         let mean = (sum * (weights.len() as f64).recip()).clamped();
-        let more = (self.even - (mean.a + mean.f)).max(0.0) / (self.found(weights) + 1.0);
+        let more = (self.even - (mean.a + mean.f)).max(0.0) / (self.lit_pixels(weights) + 1.0);
         Coefficients { f: mean.f + more, ..mean } + self.missed
     }
 
     /// Effective number of pixels that have received photons: theory.md (93e).
-    pub fn found(&self, weights: &[f64]) -> f64 {
+    pub fn lit_pixels(&self, weights: &[f64]) -> f64 {
         let (mut sum, mut squares) = (0.0, 0.0);
         for (pixel, &weight) in self.noise.pixels.iter().zip(weights) {
             let Coefficients { a, f, .. } = pixel.noise.coefficients;

@@ -176,23 +176,24 @@ impl<'a> TrialRunner<'a> {
         seconds: f64,
     ) -> Result<Trial> {
         let begun = Instant::now();
-        let own = self.settings_of_trial(settings, nests);
-        let renderer = self.renderer(own.clone())?.guided(self.guide.clone());
+        let settings = self.settings_of_trial(settings, nests);
+        let renderer = self.renderer(settings.clone())?.guided(self.guide.clone());
         let batches = RenderConfig::with_pixel_batches();
         let mut renderer = renderer.configure(RenderConfig { nested_part: nests, ..batches })?;
         let photons = measure_noise(&mut renderer, begun, seconds)?;
         let noise = renderer.block().noise_image()?;
         let has_caustic_photons = renderer.found_caustic_photons();
         let pixels = f64::from(noise.width * noise.height);
-        let model = self.measure_times(&mut renderer, own.light_paths, pixels, begun, seconds)?;
+        let model =
+            self.measure_times(&mut renderer, settings.light_paths, pixels, begun, seconds)?;
         Ok(Trial {
-            radii: [own.caustic_radius, own.radius].map(f64::from),
+            radii: [settings.caustic_radius, settings.radius].map(f64::from),
             nests,
             noise,
             times: TimeModel { pixels: self.pixels, ..model },
-            even: self.even(&own, photons),
+            even: self.even(&settings, photons),
             missed: Coefficients::default(),
-            merges: own.has_photons(),
+            merges: settings.has_photons(),
             has_caustic_photons,
         })
     }
@@ -203,7 +204,7 @@ impl<'a> TrialRunner<'a> {
         // numbers of iterations.
         let light_paths = (self.light_paths / settings.splitting).max(LEAST_LIGHT_PATHS);
         // Trials have too few light paths for sets of them.
-        let mut own = Settings {
+        let mut of_trial = Settings {
             light_paths,
             camera_paths: TRIAL_CAMERA_PATHS,
             seed: settings.seed.wrapping_add(TRIAL_SEED),
@@ -212,11 +213,12 @@ impl<'a> TrialRunner<'a> {
             mis_scales: Some(settings.mis_scales()),
             ..settings.clone()
         };
-        if matches!(nests, Some(NestedPart::Class(_))) && own.caustic_radius == own.radius {
+        if matches!(nests, Some(NestedPart::Class(_))) && of_trial.caustic_radius == of_trial.radius
+        {
             // With equal radii the nested radii would measure the bias of both classes together.
-            own.caustic_radius *= RADIUS_RATIO;
+            of_trial.caustic_radius *= RADIUS_RATIO;
         }
-        own
+        of_trial
     }
 
     /// Times of an iteration of the sample, which has this number of pixels, in the rest of a trial
@@ -296,7 +298,7 @@ impl<'a> TrialRunner<'a> {
     /// because trials see mostly the same surfaces.
     fn renderer(&mut self, settings: Settings) -> Result<Renderer> {
         let reach = settings.reach();
-        if let Some(same) = self.renderers.iter().find(|own| own.settings().reach() == reach) {
+        if let Some(same) = self.renderers.iter().find(|known| known.settings().reach() == reach) {
             return same.sample(settings, self.stride);
         }
         let new = self.renderers[0].sample(settings.clone(), self.stride)?;
@@ -323,8 +325,8 @@ fn seconds_per_path(renderer: &Renderer, stride: u32) -> Result<f64> {
     let light_paths = (TRIAL_PATHS.start as u32).min(renderer.most_light_paths());
     let camera_paths = TRIAL_CAMERA_PATHS;
     let settings = renderer.settings().clone();
-    let own = Settings { light_paths, camera_paths, guide: 0, sobol_set: 1, ..settings };
-    let mut probe = renderer.sample(own, stride)?;
+    let settings = Settings { light_paths, camera_paths, guide: 0, sobol_set: 1, ..settings };
+    let mut probe = renderer.sample(settings, stride)?;
     let paths = probe.settings().pixels() as f64 * f64::from(camera_paths) + f64::from(light_paths);
     // The first iteration meets cold caches.
     probe.iterate(Measure::Pairs);
