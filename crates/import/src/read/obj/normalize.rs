@@ -197,7 +197,7 @@ impl Normalizer {
                 "export the model again, or remove the vertex and its faces",
             ));
         }
-        if point.abs().max_element() > f64::from(MAX_COORDINATE) {
+        if point.as_vec3().abs().max_element() > MAX_COORDINATE {
             return Err(lines.error(
                 format!("the vertex has a coordinate beyond {MAX_COORDINATE:e}"),
                 "scale the model down",

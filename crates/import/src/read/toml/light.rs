@@ -166,7 +166,7 @@ impl LightTable {
     pub(super) fn need<T>(&self, key: &str, value: Option<T>) -> Result<T> {
         let (kind, _) = self.kind.keys();
         value.ok_or_else(|| {
-            let problem = format!("the key `{key}` of a light of the type \"{kind}\" is missing");
+            let problem = format!("the key `{key}` is missing from a light of the type \"{kind}\"");
             Error::new(problem, "add it; docs/reference/scene-format.md lists the keys of lights")
         })
     }
