@@ -16,6 +16,7 @@ use std::time::Duration;
 
 /// Options that only scenes have.
 #[derive(clap::Args)]
+#[group(id = "room")]
 pub struct Args {
     /// Rate a scene for about this time, such as 30s or 2m [default: no limit]
     #[arg(long, value_name = "TIME", value_parser = positive_time)]

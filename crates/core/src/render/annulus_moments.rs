@@ -107,7 +107,8 @@ impl<'a> WeightedBlocks<'a> {
         means
     }
 
-    /// [`BiasCorrection::squared_noise`](super::bias_correction::BiasCorrection::squared_noise) of each cell in row order.
+    /// [`BiasCorrection::squared_noise`](super::bias_correction::BiasCorrection::squared_noise) of
+    /// each cell in row order.
     pub fn squared_noise(&self) -> Vec<f64> {
         let cells = CellGrid::of(self.blocks[0].film.resolution()).len();
         let mut differences = vec![0.0; cells];

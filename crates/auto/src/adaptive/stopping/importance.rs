@@ -6,8 +6,8 @@ use bdpm_core::film::radiance::{box_filter, box_filtered, luminance, luminance_w
 use bdpm_core::render::block::{Block, CombinedImage};
 use rayon::prelude::*;
 
-/// Minimum share of a cell's mean squared luminance that is not noise. Below it, the neighborhood is
-/// the better estimate.
+/// Minimum share of a cell's mean squared luminance that is not noise. Below it, the neighborhood
+/// is the better estimate.
 const MIN_SIGNAL_SHARE: f64 = 0.9;
 
 /// The same for a single pixel. Rare light makes a pixel bright and noisy at once: its weight would
@@ -15,7 +15,8 @@ const MIN_SIGNAL_SHARE: f64 = 0.9;
 const MIN_PIXEL_SIGNAL_SHARE: f64 = 0.99;
 
 /// Pixels to each side of a single pixel that are its neighborhood. With 2, errors of rooms were
-/// reported 12 % too low where a path has few samples, with 3 9 %, and 1 % instead of 3 % elsewhere.
+/// reported 12 % too low where a path has few samples, with 3 9 %, and 1 % instead of 3 %
+/// elsewhere.
 const AROUND_PIXEL: usize = 3;
 
 /// Weights of the squared errors of the [cells](bdpm_core::film::cells), which are single pixels

@@ -2,10 +2,10 @@
 //! merge radii.
 //!
 //! A pilot beside the image (`pilot.rs`) tries each strategy on a sample of the pixels
-//! (`trial_runner.rs`): at the radii of the settings, and at a large radius, where the merge bias stands
-//! out from the noise. From these trials a model predicts noise, bias and time at all radii
-//! (`model.rs`, `bias_law.rs`). The candidate with the lowest cost (`candidate_cost.rs`) is then tried at the
-//! radii that were chosen for it. See theory.md, section 22a.
+//! (`trial_runner.rs`): at the radii of the settings, and at a large radius, where the merge bias
+//! stands out from the noise. From these trials a model predicts noise, bias and time at all radii
+//! (`model.rs`, `bias_law.rs`). The candidate with the lowest cost (`candidate_cost.rs`) is then
+//! tried at the radii that were chosen for it. See theory.md, section 22a.
 
 mod bias_law;
 mod candidate_cost;
