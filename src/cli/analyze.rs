@@ -31,7 +31,7 @@ const MIN_ITERATIONS: u64 = 2;
 
 #[derive(clap::Args)]
 #[command(mut_arg("time", |arg| arg.help(
-    "Measure for about this time, such as 30s or 2m [default: no limit]"
+    "Measure for about this time, such as 30 (seconds) or 2m [default: no limit]"
 )))]
 pub struct Args {
     #[command(flatten)]

@@ -25,7 +25,7 @@ const DEFAULT_TIME: Duration = Duration::from_secs(45);
 #[derive(clap::Args)]
 #[command(
     mut_arg("time", |arg| arg.help(
-        "Measure for about this long, such as 30s or 2m; at least two rounds [default: 45s]"
+        "Measure for this long, such as 30 (seconds) or 2m; at least two rounds [default: 45s]"
     )),
     mut_arg("light_paths", |arg| arg.hide(true)),
     mut_arg("camera_paths", |arg| arg.hide(true)),

@@ -42,6 +42,7 @@ mod usage_tips;
 mod verbose;
 mod view;
 
+use bdpm::base::duration::positive_time;
 use bdpm::base::error::{Error, Result, visible};
 use bdpm::import::{EnvironmentSource, Warning};
 use bdpm::load::{CameraChange, LoadOptions, Loaded, LookAt, load_with};
@@ -328,16 +329,6 @@ impl LightArgs {
     }
 }
 
-/// Reads a time above 0, such as 30s or 2m.
-fn positive_time(text: &str) -> Result<Duration> {
-    let advice = "give a time above 0, such as 30s, 2m or 1h";
-    match humantime::parse_duration(text) {
-        Ok(time) if time.is_zero() => Err(Error::new("nothing can be done in a time of 0", advice)),
-        Ok(time) => Ok(time),
-        Err(error) => Err(Error::new(error.to_string(), advice)),
-    }
-}
-
 /// A duration in words, such as `1m 5s`.
 fn human_time(seconds: f64) -> String {
     if seconds < 10.0 {
@@ -353,16 +344,6 @@ mod tests {
     #[test]
     fn argument_definitions_are_consistent() {
         definition().debug_assert();
-    }
-
-    #[test]
-    fn time_of_zero_is_refused_with_advice() {
-        assert_eq!(positive_time("1m 5s").unwrap(), Duration::from_secs(65));
-        for zero in ["0s", "0ms", "0h 0m"] {
-            let shown = positive_time(zero).unwrap_err().to_string();
-            assert!(shown.contains("time of 0\nhelp: give a time above 0"), "{shown}");
-        }
-        assert!(positive_time("soon").is_err());
     }
 
     #[test]

@@ -54,7 +54,7 @@ pub struct Args {
     /// origin at the top left.
     #[arg(long, value_name = "NAME|X0,Y0,X1,Y1", allow_hyphen_values = true)]
     region: Option<String>,
-    /// Optimize for this rendering time, such as 60s or 1h, with 16 iterations or more
+    /// Optimize for this rendering time, such as 60 (seconds) or 1h, of 16 iterations or more
     #[arg(long, value_name = "TIME", value_parser = positive_time,
           conflicts_with = "target_rms")]
     time: Option<Duration>,

@@ -44,7 +44,7 @@ const FULL: (Duration, [u32; 2]) = (Duration::from_secs(20 * 60), [128; 2]);
         "Render this many pixels [default: 128x128, with --quick 64x64]"
     )),
     mut_arg("time", |arg| arg.help(
-        "Render for this long, such as 20m or 2h [default: 20m, with --quick 60s]"
+        "Render for this long, such as 300 (seconds) or 2h [default: 20m, with --quick 60s]"
     )),
     mut_arg("light_paths", |arg| arg.hide(true)),
     mut_arg("camera_paths", |arg| arg.hide(true)),

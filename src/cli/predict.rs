@@ -45,7 +45,7 @@ pub struct Args {
     /// pixels.
     #[arg(long, value_name = "T.json|FOLDER", requires = "time")]
     timings: Option<PathBuf>,
-    /// Predict the noise after this rendering time, such as 1000s or 1h
+    /// Predict the noise after this rendering time, such as 1000 (seconds) or 1h
     #[arg(long, value_name = "TIME", requires = "timings", value_parser = positive_time)]
     time: Option<Duration>,
     /// Print the result as one JSON object on stdout
