@@ -38,6 +38,7 @@ mod scene_input;
 mod paper;
 mod settings_args;
 mod shell_files;
+mod tone;
 mod usage_tips;
 mod verbose;
 mod view;
@@ -97,6 +98,8 @@ enum Command {
     Compare(compare::Args),
     /// Denoise an image, guided by its albedo and normals if it has them
     Denoise(denoise::Args),
+    /// Write an image as PNG with a tone curve, an exposure and a white balance
+    Tone(tone::Args),
     /// Print completions for a shell
     Completions(shell_files::CompletionsArgs),
     /// Write manual pages
@@ -184,6 +187,7 @@ fn run_other(command: Command) -> Result<String> {
         Command::Glare(args) => glare::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Denoise(args) => denoise::run(&args),
+        Command::Tone(args) => tone::run(&args),
         Command::Completions(args) => Ok(shell_files::completions(&args, definition())),
         Command::Man(args) => shell_files::manual(&args, definition()),
     }

@@ -22,4 +22,5 @@ mod render_text;
 mod reproduce;
 mod room_glare;
 mod timings;
+mod tone;
 mod view;
