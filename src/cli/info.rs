@@ -1,5 +1,6 @@
-//! `bdpm info SCENE`.
+//! `bdpm info SCENE`, or of an image: [`image_info`].
 
+use super::image_info;
 use super::settings_args::with_chosen_default;
 use super::verbose::given_names;
 use super::{SceneArgs, human_time, json, print_notes};
@@ -18,6 +19,9 @@ use std::time::{Duration, Instant};
 
 #[derive(clap::Args)]
 #[command(mut_args(with_chosen_default))]
+#[command(mut_arg("scene", |arg| arg.value_name("SCENE|IMAGE").help(
+    "Read a scene, as `bdpm render` does, or an .exr image"
+)))]
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
@@ -170,6 +174,11 @@ impl OpticsSummary {
 }
 
 pub fn run(args: &Args) -> Result<String> {
+    let SceneArgs { scene: path, json: as_json, .. } = &args.scene;
+    if image_info::is_image(path) {
+        args.scene.require_no_option()?;
+        return image_info::run(path, *as_json);
+    }
     let start = Instant::now();
     let loaded = args.scene.load()?;
     let loading = start.elapsed();

@@ -13,6 +13,7 @@ mod dry_run;
 mod glare;
 mod goniometer;
 mod image_file_args;
+mod image_info;
 mod info;
 mod interrupts;
 mod layers;
@@ -86,7 +87,7 @@ enum Command {
     Calibrate(calibrate::Args),
     /// Repeat the paper's experiment and compare it with the published values
     Reproduce(paper::Args),
-    /// Show the contents of a scene and the settings it would be rendered with
+    /// Show the contents of a scene and its settings, or what an image states about itself
     Info(info::Args),
     /// Write a scene as a folder that can be edited: TOML, OBJ and PNG files
     Convert(convert::Args),
@@ -274,6 +275,22 @@ struct SceneArgs {
 }
 
 impl SceneArgs {
+    /// Refuses options of scenes.
+    fn require_no_option(&self) -> Result<()> {
+        let Self { scene, camera, camera_change, strict, light, settings, accel, json: _ } = self;
+        let CameraArgs { look_at, fov, camera_from } = camera_change;
+        let LightArgs { environment, sky, no_fallback_light } = light;
+        let has_settings = !verbose::given_names(&settings.into()).is_empty();
+        let is_camera = camera.is_some() || look_at.is_some() || fov.is_some();
+        let is_light = environment.is_some() || sky.is_some() || *no_fallback_light;
+        let is_other = camera_from.is_some() || accel.is_some() || *strict;
+        if has_settings || is_camera || is_light || is_other {
+            let problem = "this is an image, for which only --json makes sense";
+            return Err(Error::new(problem, "leave out the other options").at(scene));
+        }
+        Ok(())
+    }
+
     /// Loads the scene.
     fn load(&self) -> Result<Loaded> {
         let options = self.light.options(self.camera.as_deref(), self.strict);

@@ -6,6 +6,7 @@ mod combinations;
 mod denoise;
 mod glare;
 mod goniometer;
+mod image_info;
 mod interrupts;
 mod limits;
 mod measure;
