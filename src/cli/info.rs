@@ -13,7 +13,7 @@ use bdpm::scene::backend;
 use bdpm::scene::{Emitter, Extent, FieldOfView, Optics};
 use bdpm::settings::{PartialSettings, Settings};
 use serde::Serialize;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::fmt::Write;
 use std::time::{Duration, Instant};
 
@@ -346,12 +346,41 @@ fn short_time(seconds: f64) -> String {
     if seconds < 0.1 { format!("{:.2}ms", 1e3 * seconds) } else { human_time(seconds) }
 }
 
-/// The first names of a list, and the number of the others.
+/// The first names of a list, and the number of the others. Equal names are counted.
 fn names(all: &[String]) -> String {
     const SHOWN: usize = 12;
-    let shown = all[..all.len().min(SHOWN)].join(", ");
-    match all.len().saturating_sub(SHOWN) {
+    let mut counts: Vec<(&str, usize)> = Vec::new();
+    let mut places = HashMap::new();
+    for name in all {
+        let place = *places.entry(&name[..]).or_insert_with(|| {
+            counts.push((name, 0));
+            counts.len() - 1
+        });
+        counts[place].1 += 1;
+    }
+    let named = |(name, count): &(&str, usize)| match count {
+        1 => (*name).to_owned(),
+        count => format!("{name} ({count} times)"),
+    };
+    let shown: Vec<_> = counts.iter().take(SHOWN).map(named).collect();
+    let shown = shown.join(", ");
+    match counts.len().saturating_sub(SHOWN) {
         0 => shown,
         more => format!("{shown} and {more} more"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_names_are_counted_and_many_are_cut() {
+        let list = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+        let found = names(&list(&["wall", "lamp", "lamp", "floor", "lamp"]));
+        assert_eq!(found, "wall, lamp (3 times), floor");
+        let many: Vec<String> = (0..14).map(|n| format!("m{n}")).collect();
+        assert!(names(&many).ends_with("m11 and 2 more"), "{}", names(&many));
+        assert_eq!(names(&[]), "");
     }
 }
