@@ -36,6 +36,7 @@ mod render_report;
 mod room_glare;
 mod run_report;
 mod scene_input;
+mod time_residuals;
 mod paper;
 mod settings_args;
 mod shell_files;
