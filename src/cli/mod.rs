@@ -8,6 +8,7 @@ mod calibrate;
 mod compare;
 mod convert;
 mod black_image;
+mod built_in_scene;
 mod denoise;
 mod dry_run;
 mod glare;
@@ -182,7 +183,7 @@ fn run_other(command: Command) -> Result<String> {
         Command::Predict(args) => predict::run(&args),
         Command::Optimize(args) => optimize::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
-        Command::Reproduce(args) => paper::run(&args),
+        Command::Reproduce(args) => paper::run(args),
         Command::Info(args) => info::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Goniometer(args) => goniometer::run(&args),
