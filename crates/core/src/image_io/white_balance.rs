@@ -4,7 +4,7 @@
 use super::auto_exposure;
 use super::primaries::{Primaries, adaptation, converted, white};
 use crate::base::error::{Error, Result};
-use crate::base::math::{Rgb, luminance};
+use crate::base::math::Rgb;
 use crate::base::spectrum::black_body_xyz;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -109,17 +109,14 @@ fn daylight_xyz(kelvin: f64) -> DVec3 {
     white([x, y]).expect("y is positive")
 }
 
-/// Mean color, if the image is not black. Pixels count by `E/(1 + E Y)` with their luminance `Y`
-/// and the automatic exposure `E`, so that lamps and windows count at most as white.
+/// Mean color, if the image is not black. Pixels count by `E/(1 + E m)` with their largest channel
+/// `m` and the automatic exposure `E`, so that lamps and windows count at most as white.
 fn gray_world(pixels: &[Rgb]) -> Option<DVec3> {
     let exposure = f64::from(auto_exposure(pixels));
     let term = |pixel: &Rgb| {
         let exposed = exposure * pixel.max(Rgb::ZERO).as_dvec3();
-        let brightness = exposure * f64::from(luminance(*pixel));
-        match exposed.is_finite() && brightness > 0.0 {
-            true => exposed / (1.0 + brightness),
-            false => DVec3::ZERO,
-        }
+        let is_known = pixel.is_finite() && exposed.is_finite();
+        if is_known { exposed / (1.0 + exposed.max_element()) } else { DVec3::ZERO }
     };
     // Partial sums of fixed parts: the result does not depend on the number of threads.
     let sums: Vec<DVec3> =
@@ -184,6 +181,7 @@ impl Adaptation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::math::luminance;
 
     fn adapted(balance: WhiteBalance, mut pixels: Vec<Rgb>) -> Vec<Rgb> {
         let width = pixels.len() as u32;
