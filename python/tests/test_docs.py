@@ -35,7 +35,8 @@ def test_stubs_have_the_keywords_of_the_extension() -> None:
     classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
 
     def keys(name: str) -> set[str]:
-        found = {row.target.id for row in classes[name].body if isinstance(row, ast.AnnAssign) and isinstance(row.target, ast.Name)}
+        targets = [row.target for row in classes[name].body if isinstance(row, ast.AnnAssign)]
+        found = {target.id for target in targets if isinstance(target, ast.Name)}
         bases = [base.id for base in classes[name].bases if isinstance(base, ast.Name)]
         return found.union(*(keys(base) for base in bases if base in classes))
 

@@ -1,4 +1,5 @@
-//! Intersects a ray with a triangle by Embree: `cargo run --package bdpm-accel --example first_ray`.
+//! Intersects a ray with a triangle by Embree:
+//! `cargo run --package bdpm-accel --example first_ray`.
 
 use bdpm_accel::embree::{Device, EmbreeError};
 use bdpm_accel::glam::Vec3;
