@@ -41,7 +41,7 @@ struct Args {
     #[arg(long, default_value_t = 128)]
     side: u32,
     /// Time for each scene, besides the pilots
-    #[arg(long, default_value = "2m", value_parser = humantime::parse_duration)]
+    #[arg(long, default_value = "2m", value_parser = bdpm::base::duration::positive_time)]
     time: Duration,
 }
 

@@ -4,8 +4,8 @@
 pub use bdpm_auto::{Stop, adaptive, timing};
 #[doc(inline)]
 pub use bdpm_core::{
-    Error, Renderer, Result, Scene, Settings, accel, base, film, image_io, noise, render, scene,
-    settings,
+    Error, Renderer, Result, Scene, Settings, accel, base, film, glam, image_io, noise, render,
+    scene, settings,
 };
 #[doc(hidden)] // public for tests and benches
 pub use bdpm_core::{simd, transport};

@@ -42,11 +42,16 @@ class Settings(TypedDict, total=False):
     camera_paths: int
     radius: float | str
     caustic_radius: float | str
+    medium_scale: float
+    medium_query: Literal["points", "beams"]
+    wavelength_width: float
     bias: Literal["keep", "reduce"]
     kernel: Literal["area", "disc"]
     merge_vertex: int
     strategy: Literal["single", "mis", "cut-mis", "path"]
     guide: int
+    sobol_set: int
+    splitting: int
     light_visibility: int
     direct: Literal["connect", "photon-map"]
     seed: int
@@ -58,7 +63,7 @@ class _JobOptions(Settings, total=False):
 
 @type_check_only
 class RenderOptions(_JobOptions, total=False):
-    time: float | None
+    time: float | str | None
     target_error: float | None
     target_rms: float | str | None
     iterations: int | None
@@ -72,7 +77,7 @@ class RenderOptions(_JobOptions, total=False):
 @type_check_only
 class AnalyzeOptions(_JobOptions, total=False):
     iterations: int | None
-    time: float | None
+    time: float | str | None
     estimator: Literal["pairs", "halves"]
 
 @final
@@ -239,13 +244,13 @@ class Noise:
         camera_paths: float,
         region: str | None = None,
         timings: Timings | None = None,
-        time: float | None = None,
+        time: float | str | None = None,
     ) -> Prediction: ...
     def optimize(
         self,
         timings: Timings,
         *,
-        time: float | None = None,
+        time: float | str | None = None,
         target_rms: float | str | None = None,
         objective: str = "relative",
         region: str | None = None,
@@ -390,12 +395,12 @@ def analyze(
     progress: Callable[[Progress], object] | None = None,
     **options: Unpack[AnalyzeOptions],
 ) -> Noise: ...
-def calibrate(scene: Scene, *, time: float = 45.0, **options: Unpack[_JobOptions]) -> Timings: ...
+def calibrate(scene: Scene, *, time: float | str | None = None, **options: Unpack[_JobOptions]) -> Timings: ...
 def measure(
     scene: Scene,
     *,
     meters: str | PathLike[str] | Sequence[Mapping[str, Any]] | None = None,
-    time: float | None = None,
+    time: float | str | None = None,
     target_error: float | None = None,
     mean: bool = False,
     by_light: bool = False,

@@ -55,7 +55,7 @@ def render(
 
     End of the render (default: a relative error of 1 %):
 
-    - `time`: rendering time, seconds.
+    - `time`: rendering time, seconds or text such as "2m".
     - `target_error`: relative RMS error, noise and merge bias, 0.01 for 1 %.
     - `target_rms`: pooled RMS of the noise: a luminance, W/(m^2 sr), or text such as "1%" of the mean luminance.
     - `iterations`: number of iterations; path counts are then not chosen.
@@ -76,9 +76,11 @@ def render(
     - `resolution`: (width, height), pixels. `crop`: (left, top, width, height), pixels.
     - `light_paths`: per iteration. `camera_paths`: per pixel and iteration.
     - `radius`, `caustic_radius`: scene units, or text such as "0.5%" of the scene size.
+    - `medium_scale`, `medium_query`, `wavelength_width`: merging in media and of wavelengths.
     - `bias`: "keep" or "reduce". `kernel`: "area" or "disc". `merge_vertex`: 1 or more.
     - `strategy`: "single", "mis", "cut-mis" or "path". `direct`: "connect" or "photon-map".
-    - `guide`, `light_visibility`: numbers of iterations and of shadow rays. `seed`: of all random numbers.
+    - `guide`, `light_visibility`: numbers of iterations and of shadow rays. `sobol_set`, `splitting`: of light paths.
+    - `seed`: of all random numbers.
 
     Progress:
 
@@ -102,7 +104,7 @@ def analyze(
     """Measures the noise coefficients of each pixel at fixed path counts, and returns a `Noise`.
 
     - `iterations`: number of measured iterations; standard errors need 32 [default: 256, without `time`].
-    - `time`: rendering time, seconds.
+    - `time`: rendering time, seconds or text such as "2m".
     - `estimator`: "pairs" for all pairs of paths, or "halves" for the estimator of the paper.
     - `threads`, `accel`, `progress` and the settings: as for `bdpm.render`. Path counts are at least 2.
     """

@@ -16,11 +16,14 @@ const DEFAULT_ITERATIONS: u64 = 256;
 /// Minimum number of iterations for a sample variance.
 const MIN_ITERATIONS: u64 = 2;
 
+/// Keywords of [`analyze`] beside the settings, for errors.
+const KEYWORDS: &[&str] = &["iterations", "time", "estimator", "threads", "accel", "progress"];
+
 /// Measures the noise coefficients of each pixel at fixed path counts, and returns a `Noise`.
 ///
 /// - `iterations`: number of measured iterations; standard errors need 32
 ///   [default: 256, without `time`].
-/// - `time`: rendering time, seconds.
+/// - `time`: rendering time, seconds or text such as "2m".
 /// - `estimator`: "pairs" for all pairs of paths, or "halves" for the estimator of the paper.
 /// - `threads`, `accel`, `progress` and the settings: as for `bdpm.render`.
 #[pyfunction]
@@ -32,7 +35,7 @@ pub fn analyze(
     py: Python<'_>,
     scene: &Scene,
     iterations: Option<u64>,
-    time: Option<f64>,
+    time: Option<&Bound<'_, PyAny>>,
     estimator: &str,
     threads: Option<u16>,
     accel: Option<&str>,
@@ -40,10 +43,10 @@ pub fn analyze(
     settings: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Noise> {
     let estimator = word("estimator", estimator, &["pairs", "halves"])?;
-    let time = time.map(|time| settings::seconds("time", time)).transpose()?;
+    let time = time.map(|time| settings::time("time", time)).transpose()?;
     let iterations = iterations.or(time.is_none().then_some(DEFAULT_ITERATIONS));
     let job = RenderJob::new(&scene.loaded)
-        .settings(settings::settings(settings)?)
+        .settings(settings::settings(settings, KEYWORDS)?)
         .backend(settings::backend(accel)?)
         .threads(settings::threads(threads)?)
         .measure_always(estimator)

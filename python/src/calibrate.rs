@@ -12,6 +12,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::time::Duration;
+
+/// Measuring time if none is given, as for `bdpm calibrate`.
+const DEFAULT_TIME: Duration = Duration::from_secs(45);
 
 /// The time of an iteration, seconds:
 ///
@@ -90,25 +94,30 @@ impl Timings {
     }
 }
 
+/// Keywords of [`calibrate`] beside the settings, for errors.
+const KEYWORDS: &[&str] = &["time", "threads", "accel"];
+
 /// Measures the time of an iteration at several path counts, and fits a model to it. Returns
 /// `Timings`.
 ///
-/// - `time`: measuring time, seconds; at least two rounds over all counts are measured.
+/// - `time`: measuring time, seconds or text such as "2m"; at least two rounds over all counts are
+///   measured [default: 45].
 /// - `threads`, `accel` and the settings: as for `bdpm.render`. Counts are chosen.
 ///
 /// Ctrl-C raises KeyboardInterrupt.
 #[pyfunction]
-#[pyo3(signature = (scene, *, time=45.0, threads=None, accel=None, **settings))]
+#[pyo3(signature = (scene, *, time=None, threads=None, accel=None, **settings))]
 pub fn calibrate(
     py: Python<'_>,
     scene: &Scene,
-    time: f64,
+    time: Option<&Bound<'_, PyAny>>,
     threads: Option<u16>,
     accel: Option<&str>,
     settings: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Timings> {
-    let time = settings::seconds("time", time)?;
-    let settings = settings::settings(settings)?;
+    let time = time.map(|time| settings::time("time", time)).transpose()?;
+    let time = time.unwrap_or(DEFAULT_TIME);
+    let settings = settings::settings(settings, KEYWORDS)?;
     let (threads, backend) = (settings::threads(threads)?, settings::backend(accel)?);
     let backend = backend.unwrap_or_default();
     let scene = &scene.loaded;

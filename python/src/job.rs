@@ -112,6 +112,22 @@ impl Job {
     }
 }
 
+/// Keywords of [`start`] beside the settings, for errors.
+const KEYWORDS: &[&str] = &[
+    "time",
+    "target_error",
+    "target_rms",
+    "iterations",
+    "objective",
+    "plan",
+    "timings",
+    "denoise",
+    "layers",
+    "noise",
+    "threads",
+    "accel",
+];
+
 /// Starts to render a scene in the background and returns a `Job`. The arguments are those of
 /// `bdpm.render`.
 #[pyfunction]
@@ -122,7 +138,7 @@ impl Job {
 #[expect(clippy::too_many_arguments, reason = "keyword arguments")]
 pub fn start(
     scene: &Scene,
-    time: Option<f64>,
+    time: Option<&Bound<'_, PyAny>>,
     target_error: Option<f64>,
     target_rms: Option<&Bound<'_, PyAny>>,
     iterations: Option<u64>,
@@ -136,14 +152,14 @@ pub fn start(
     accel: Option<&str>,
     settings: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Job> {
-    let time = time.map(|time| settings::seconds("time", time)).transpose()?;
+    let time = time.map(|time| settings::time("time", time)).transpose()?;
     let error = target_error.map(|error| positive("target_error", error, "0.02 for 2 %"));
     let target = target_rms.map(target).transpose()?;
     let objective = word("objective", objective, &OBJECTIVES)?;
     let stop =
         Stop { iterations, time, target, error: error.transpose()?, objective, ..Stop::default() };
     let layers = layer_selection(layers)?;
-    let settings = settings::settings(settings)?;
+    let settings = settings::settings(settings, KEYWORDS)?;
     let job = RenderJob::new(&scene.loaded)
         .backend(settings::backend(accel)?)
         .threads(settings::threads(threads)?)

@@ -249,11 +249,16 @@ impl Measurement {
     }
 }
 
+/// Keywords of [`measure`] beside the settings, for errors.
+const KEYWORDS: &[&str] =
+    &["meters", "time", "target_error", "mean", "by_light", "threads", "accel"];
+
 /// Measures illuminance and luminance at meters, and returns a `Measurement`.
 ///
 /// - `meters`: a .csv or .toml file, or a list of dictionaries with the keys of `[[meter]]` tables
 ///   [default: the meters of the scene file].
-/// - `time`: time, seconds. `target_error`: expanded uncertainty over the value, 0.02 for 2 %
+/// - `time`: time, seconds or text such as "2m".
+/// - `target_error`: expanded uncertainty over the value, 0.02 for 2 %
 ///   [default: 0.02, none with `time`].
 /// - `mean`: apply the target to the mean over each set instead of to every meter.
 /// - `by_light`: measure each light apart.
@@ -268,7 +273,7 @@ pub fn measure(
     py: Python<'_>,
     scene: &Scene,
     meters: Option<&Bound<'_, PyAny>>,
-    time: Option<f64>,
+    time: Option<&Bound<'_, PyAny>>,
     target_error: Option<f64>,
     mean: bool,
     by_light: bool,
@@ -276,10 +281,10 @@ pub fn measure(
     accel: Option<&str>,
     settings: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Measurement> {
-    let time = time.map(|time| settings::seconds("time", time)).transpose()?;
+    let time = time.map(|time| settings::time("time", time)).transpose()?;
     let target = target_error.map(|error| positive("target_error", error, "0.02 for 2 %"));
     let job = MeasureJob::new(&scene.loaded)
-        .settings(settings::settings(settings)?)
+        .settings(settings::settings(settings, KEYWORDS)?)
         .target(target.transpose()?)
         .time(time)
         .means_only(mean)

@@ -6,7 +6,7 @@ use crate::error::raised;
 use crate::estimate::Estimate;
 use crate::job::target;
 use crate::plan::Plan;
-use crate::settings::{OBJECTIVES, seconds, word};
+use crate::settings::{self, OBJECTIVES, word};
 use crate::tables;
 use bdpm::adaptive::optimize::compared::{ComparedCounts, CountsRow, RowName};
 use bdpm::adaptive::optimize::measured::{Budget, MeasuredProblem};
@@ -131,7 +131,7 @@ impl Noise {
         self.file.regions.iter().map(|region| region.name.clone()).collect()
     }
 
-    /// Predicts the noise of one iteration at any path counts, and after `time` seconds if
+    /// Predicts the noise of one iteration at any path counts, and after `time` if
     /// `timings` are given.
     ///
     /// - `region`: name of a region, or "x0,y0,x1,y1" in fractions of the image; by default the
@@ -145,7 +145,7 @@ impl Noise {
         camera_paths: f64,
         region: Option<&str>,
         timings: Option<&Timings>,
-        time: Option<f64>,
+        time: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Prediction> {
         for (name, value) in [("light_paths", light_paths), ("camera_paths", camera_paths)] {
             if !(value >= 1.0 && value.is_finite()) {
@@ -156,7 +156,7 @@ impl Noise {
         let render = match (timings, time) {
             (Some(timings), Some(time)) => {
                 let model = self.model(timings).map_err(raised)?;
-                Some(RenderTime { model, time: seconds("time", time)?.as_secs_f64() })
+                Some(RenderTime { model, time: settings::time("time", time)?.as_secs_f64() })
             }
             (None, None) => None,
             _ => return Err(PyValueError::new_err("give both timings and time, or none of them")),
@@ -172,7 +172,7 @@ impl Noise {
     /// Finds the path counts with the least noise, given the times of an iteration.
     ///
     /// - `timings`: from `bdpm.calibrate`, for the same scene and settings.
-    /// - `time`: rendering time, seconds; at least 16 iterations fit in it.
+    /// - `time`: rendering time, seconds or text such as "2m"; at least 16 iterations fit in it.
     /// - `target_rms`: RMS to reach: luminance, W/(m^2 sr), or text such as "1%" of the mean
     ///   luminance of the region.
     /// - `objective`: "relative", "pooled", "mean-rms" or "max-rms".
@@ -187,7 +187,7 @@ impl Noise {
         &self,
         py: Python<'_>,
         timings: &Timings,
-        time: Option<f64>,
+        time: Option<&Bound<'_, PyAny>>,
         target_rms: Option<&Bound<'_, PyAny>>,
         objective: &str,
         region: Option<&str>,
@@ -200,7 +200,7 @@ impl Noise {
         let source = Source::Measured(noise, &pixels);
         let budget = match (time, target_rms) {
             (None, None) => Budget::Unbounded,
-            (Some(time), None) => Budget::Time(seconds("time", time)?.as_secs_f64()),
+            (Some(time), None) => Budget::Time(settings::time("time", time)?.as_secs_f64()),
             (None, Some(rms)) => Budget::to_target(target(rms)?, &source).map_err(raised)?,
             _ => return Err(PyValueError::new_err("give time or target_rms, not both")),
         };

@@ -145,7 +145,8 @@ impl RenderResult {
         Ok(layers.bind(py).clone())
     }
 
-    /// Relative error of the image; None for a pooled objective, or if noise or bias are not known.
+    /// Relative error of the image when it ended, also by Ctrl-C. None for fixed counts, a pooled
+    /// objective, or fewer than two iterations.
     #[getter]
     fn error(&self) -> Option<RelativeError> {
         let bdpm::job::RelativeError { total, noise, bias, interval } = self.result.error?;

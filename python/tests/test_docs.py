@@ -1,10 +1,13 @@
 """Examples of the documentation run, at small sizes."""
 
+import ast
+import inspect
 import re
 from pathlib import Path
 
 import bdpm
 import pytest
+from bdpm import _bdpm
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ["README.md", "python/README.md", "docs/tutorials/python.md"]
@@ -25,6 +28,30 @@ def test_examples_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         short = re.sub(r"\btime=\d+", "time=0.5", block)
         short = re.sub(r"resolution=\(\d+, \d+\)", "resolution=(32, 32)", short)
         exec(compile(short, page, "exec"), scope)
+
+
+def test_stubs_have_the_keywords_of_the_extension() -> None:
+    tree = ast.parse((ROOT / "python/bdpm/_bdpm.pyi").read_text())
+    classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
+
+    def keys(name: str) -> set[str]:
+        targets = [row.target for row in classes[name].body if isinstance(row, ast.AnnAssign)]
+        found = {target.id for target in targets if isinstance(target, ast.Name)}
+        bases = [base.id for base in classes[name].bases if isinstance(base, ast.Name)]
+        return found.union(*(keys(base) for base in bases if base in classes))
+
+    scene = bdpm.load(ROOT / "scenes/cornell-box")
+    for function, stub, more in [
+        (_bdpm.start, keys("RenderOptions"), set()),
+        (_bdpm.analyze, keys("AnalyzeOptions"), {"progress"}),
+        (_bdpm.calibrate, keys("_JobOptions"), {"time"}),
+    ]:
+        with pytest.raises(TypeError, match="unknown keyword `tme`") as error:
+            function(scene, tme=3)  # type: ignore[call-arg]
+        known = str(error.value).split("use one of ")[1].split(", ")
+        assert set(known) == stub | more, function
+        own = set(inspect.signature(function).parameters) - {"scene", "settings"}
+        assert own <= set(known), function
 
 
 def test_every_public_name_is_documented() -> None:

@@ -49,6 +49,29 @@ def test_image_is_one_writable_float_array_without_copies(box: bdpm.Scene) -> No
     assert (image[0, 0] == 7.0).all(), "the array outlives the result"
 
 
+@pytest.mark.parametrize("time", [0.2, "0.2", "200ms"])
+def test_time_is_seconds_or_text(box: bdpm.Scene, time: float | str) -> None:
+    result = bdpm.render(box, time=time, resolution=SIZE, strategy="single", radius=20, light_paths=100, camera_paths=1)
+    assert result.stopped_by == "time" and result.seconds < 20
+
+
+def test_interrupted_result_states_the_error_that_it_reached(box: bdpm.Scene) -> None:
+    result = bdpm.render(box, time=600, resolution=SIZE, progress=lambda progress: progress.iterations < 8)
+    assert result.stopped_by == "interrupt" and result.iterations >= 8
+    assert result.error is not None and result.error.total >= result.error.noise > 0
+
+
+def test_missing_folder_is_named_without_temporary_file(box: bdpm.Scene, tmp_path: Path) -> None:
+    result = fixed(box)
+    for name in ["a.exr", "a.png"]:
+        path = tmp_path / "none" / name
+        with pytest.raises(bdpm.Error, match="its folder does not exist") as error:
+            result.save(path)
+        assert error.value.file == str(path) and "mkdir -p" in error.value.help
+        assert ".tmp" not in str(error.value)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_layers_of_light_add_up_to_the_image(box: bdpm.Scene) -> None:
     result = fixed(box)
     parts = [result.layers[name] for name in ("emission", "direct", "indirect", "caustics")]
@@ -197,14 +220,17 @@ def test_png_is_that_of_the_program(box: bdpm.Scene, program: str, tmp_path: Pat
 @pytest.mark.parametrize(
     ("arguments", "error", "expected"),
     [
-        ({"raduis": 1}, bdpm.Error, "unknown key `raduis`"),
+        ({"raduis": 1}, TypeError, "unknown keyword `raduis`: use one of .*, radius, "),
+        ({"tme": 3}, TypeError, "unknown keyword `tme`: use one of time, target_error, "),
         ({"radius": "x"}, bdpm.Error, "`x` is not a length"),
         ({"light_paths": 0}, bdpm.Error, "light"),
-        ({"time": -1}, ValueError, "time is -1"),
+        ({"time": -1}, ValueError, "time: `-1` is a negative time: give a time above 0"),
+        ({"time": "soon"}, ValueError, "time: `soon` is no time"),
+        ({"time": [3]}, TypeError, "time is of type list: give seconds"),
         ({"target_error": 0}, ValueError, "target_error is 0"),
         ({"target_rms": "much"}, bdpm.Error, "much"),
-        ({"time": 0}, ValueError, "time is 0: give a positive number"),
-        ({"time": 1e-12}, ValueError, "give a longer time"),
+        ({"time": 0}, ValueError, "time of 0: give a time above 0"),
+        ({"time": 1e-12}, ValueError, "time of 0: give a time above 0"),
         ({"objective": "least"}, ValueError, "use one of relative"),
         ({"layers": ["albdo"]}, ValueError, "use one of all"),
         ({"accel": "gpu"}, ValueError, "use one of embree, bvh"),

@@ -12,10 +12,10 @@ use super::settings_args::{ESTIMATOR, word};
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::stopping::{Stop, StoppedBy};
 use bdpm::base::error::{Error, Result};
-use bdpm::noise::Measure;
 use bdpm::noise::picture::{TermsPicture, write_rms, write_terms};
 use bdpm::noise::region;
 use bdpm::noise::summary::NoiseSummary;
+use bdpm::noise::{Coefficients, Measure};
 use bdpm::{Event, RenderResult};
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -31,7 +31,7 @@ const MIN_ITERATIONS: u64 = 2;
 
 #[derive(clap::Args)]
 #[command(mut_arg("time", |arg| arg.help(
-    "Measure for about this time, such as 30s or 2m [default: no limit]"
+    "Measure for about this time, such as 30 (seconds) or 2m [default: no limit]"
 )))]
 pub struct Args {
     #[command(flatten)]
@@ -63,6 +63,8 @@ pub struct AnalyzeReport<'a> {
     pub estimator: Measure,
     pub region: String,
     pub noise: NoiseSummary,
+    /// Mean `a`, `b` and `f` over the region, squared luminance: what `--coefficients` takes.
+    pub coefficients: Coefficients,
     pub terms_picture: TermsPicture,
     pub exr: String,
     pub terms_png: String,
@@ -111,6 +113,7 @@ pub fn run(args: &Args) -> Result<String> {
         estimator: args.estimator,
         region: region.name,
         noise: NoiseSummary::new(&file.noise, &pixels),
+        coefficients: file.noise.mean_coefficients(&pixels),
         terms_picture,
         exr: name(exr),
         terms_png: name(&terms_png),

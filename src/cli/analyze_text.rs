@@ -3,6 +3,7 @@
 use super::analyze::AnalyzeReport;
 use super::human_time;
 use bdpm::image_io::digits;
+use bdpm::noise::Coefficients;
 use bdpm::noise::image::Statistic;
 use bdpm::noise::summary::{Compared, NoiseSummary};
 use std::fmt::Write;
@@ -74,9 +75,20 @@ pub fn text(report: &AnalyzeReport) -> String {
         )),
         _ => line("standard errors need at least 32 iterations"),
     }
+    line(&format!(
+        "mean a, b and f of the region, for predict and optimize: {}",
+        coefficients(&report.coefficients)
+    ));
     line("the mean of roots is biased low for few iterations; use the pooled root for comparisons");
     line(&format!("\n{}, {} and {}", report.exr, report.terms_png, report.rms_png));
     text
+}
+
+/// Coefficients as the option that takes them. Negative estimates of 0 become 0, as the option
+/// needs.
+fn coefficients(own: &Coefficients) -> String {
+    let [a, b, f] = [own.a, own.b, own.f].map(|value| format!("{:.4e}", value.max(0.0)));
+    format!("--coefficients {a},{b},{f}")
 }
 
 /// The merge bias and how it stands out from the noise.
@@ -111,6 +123,15 @@ fn corrected(compared: &Compared) -> Statistic {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn coefficients_are_those_of_the_option() {
+        let own = Coefficients { a: 3595.0, b: 37.18, f: -1e-9 };
+        let shown = coefficients(&own);
+        let value = shown.strip_prefix("--coefficients ").unwrap();
+        let read = crate::cli::predict::coefficients(value).unwrap();
+        assert_eq!((read.a, read.b, read.f), (3595.0, 37.18, 0.0));
+    }
 
     #[test]
     fn value_with_error_ends_at_the_second_digit_of_the_error() {

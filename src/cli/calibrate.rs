@@ -1,10 +1,11 @@
 //! `bdpm calibrate SCENE`.
 
 use super::interrupts::catch_interrupts;
-use super::json;
 use super::outputs::{self, Output};
 use super::progress::Progress;
 use super::scene_input::{LoadedScene, SessionArgs};
+use super::time_residuals::{largest_residual, warning};
+use super::{json, say};
 use bdpm::adaptive::stopping::Stop;
 use bdpm::base::error::{Error, Result};
 use bdpm::job::{Status, Totals};
@@ -25,7 +26,7 @@ const DEFAULT_TIME: Duration = Duration::from_secs(45);
 #[derive(clap::Args)]
 #[command(
     mut_arg("time", |arg| arg.help(
-        "Measure for about this long, such as 30s or 2m; at least two rounds [default: 45s]"
+        "Measure for this long, such as 30 (seconds) or 2m; at least two rounds [default: 45s]"
     )),
     mut_arg("light_paths", |arg| arg.hide(true)),
     mut_arg("camera_paths", |arg| arg.hide(true)),
@@ -46,6 +47,8 @@ struct CalibrateReport {
     rounds: u64,
     /// Wall-clock time of measuring, seconds.
     seconds: f64,
+    /// Largest difference between measured and fitted time over the time of the iteration.
+    largest_residual: Option<f64>,
     #[serde(flatten)]
     timings: Timings,
 }
@@ -64,11 +67,16 @@ pub fn run(args: &Args) -> Result<String> {
     outputs::spare_inputs(&files)?;
     let Calibration { timings, rounds, time } = measure(&loaded, args)?;
     timings.save(&args.output)?;
+    let largest_residual = largest_residual(&timings);
+    if !quiet {
+        warning(largest_residual).iter().for_each(|warning| say(warning));
+    }
 
     let output = args.output.to_string_lossy().into_owned();
     Ok(match (scene.json, quiet) {
         (true, _) => {
-            json(&CalibrateReport { output, rounds, seconds: time.as_secs_f64(), timings })
+            let seconds = time.as_secs_f64();
+            json(&CalibrateReport { output, rounds, seconds, largest_residual, timings })
         }
         (false, true) => String::new(),
         (false, false) => {

@@ -28,7 +28,7 @@ pub struct Args {
     /// Judge whether the image of this scene is right, by an estimate of its own
     #[arg(long, value_name = "SCENE")]
     scene: Option<PathBuf>,
-    /// Judge for about this time at most, such as 30s or 5m [default: 60s]
+    /// Judge for about this time at most, such as 30 (seconds) or 5m [default: 60s]
     #[arg(long, value_name = "TIME", value_parser = positive_time, requires = "scene")]
     time: Option<Duration>,
     /// Exclude relative differences of this size [default: 1%]

@@ -44,7 +44,7 @@ pub struct Args {
     /// Write a polar plot as well
     #[arg(long, value_name = "OUT.svg")]
     plot: Option<PathBuf>,
-    /// Measure for about this time, such as 30s or 2m [default: 10s]
+    /// Measure for about this time, such as 30 (seconds) or 2m [default: 10s]
     #[arg(long, value_name = "TIME", value_parser = positive_time)]
     time: Option<Duration>,
     /// Stop after N iterations instead

@@ -4,9 +4,9 @@ use super::settings_args::word;
 use bdpm::image_io::{ExrCompression, ExrFormat, ToneCurve, ToneMapping};
 use std::path::{Path, PathBuf};
 
-/// Format of an image and its preview.
+/// Tone mapping of an 8-bit picture.
 #[derive(clap::Args)]
-pub struct ImageFileArgs {
+pub struct ToneArgs {
     /// Map the colors of the PNG preview by this curve
     #[arg(long, value_name = "CURVE", default_value = "srgb")]
     #[arg(value_parser = word::<ToneCurve>(TONE_CURVE))]
@@ -15,6 +15,20 @@ pub struct ImageFileArgs {
     #[arg(long, value_name = "STOPS", default_value = "0", value_parser = stops)]
     #[arg(allow_negative_numbers = true)]
     exposure: f32,
+}
+
+impl ToneArgs {
+    /// Curve and exposure.
+    pub fn mapping(&self) -> ToneMapping {
+        ToneMapping { curve: self.tonemap, stops: self.exposure }
+    }
+}
+
+/// Format of an image and its preview.
+#[derive(clap::Args)]
+pub struct ImageFileArgs {
+    #[command(flatten)]
+    tone: ToneArgs,
     /// Compress the EXR image by this lossless method
     #[arg(long, value_name = "METHOD", default_value = "zip")]
     #[arg(value_parser = word::<ExrCompression>(EXR_COMPRESSION))]
@@ -44,7 +58,7 @@ const EXR_COMPRESSION: &[(&str, &str)] = &[
 impl ImageFileArgs {
     /// Tone mapping of the preview.
     pub fn tone_mapping(&self) -> ToneMapping {
-        ToneMapping { curve: self.tonemap, stops: self.exposure }
+        self.tone.mapping()
     }
 
     /// The file of the luminance in false colors beside the image, if one is written.

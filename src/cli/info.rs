@@ -1,5 +1,6 @@
-//! `bdpm info SCENE`.
+//! `bdpm info SCENE`, or of an image: [`image_info`].
 
+use super::image_info;
 use super::settings_args::with_chosen_default;
 use super::verbose::given_names;
 use super::{SceneArgs, human_time, json, print_notes};
@@ -12,12 +13,15 @@ use bdpm::scene::backend;
 use bdpm::scene::{Emitter, Extent, FieldOfView, Optics};
 use bdpm::settings::{PartialSettings, Settings};
 use serde::Serialize;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::fmt::Write;
 use std::time::{Duration, Instant};
 
 #[derive(clap::Args)]
 #[command(mut_args(with_chosen_default))]
+#[command(mut_arg("scene", |arg| arg.value_name("SCENE|IMAGE").help(
+    "Read a scene, as `bdpm render` does, or an .exr image"
+)))]
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
@@ -170,6 +174,11 @@ impl OpticsSummary {
 }
 
 pub fn run(args: &Args) -> Result<String> {
+    let SceneArgs { scene: path, json: as_json, .. } = &args.scene;
+    if image_info::is_image(path) {
+        args.scene.require_no_option()?;
+        return image_info::run(path, *as_json);
+    }
     let start = Instant::now();
     let loaded = args.scene.load()?;
     let loading = start.elapsed();
@@ -337,12 +346,41 @@ fn short_time(seconds: f64) -> String {
     if seconds < 0.1 { format!("{:.2}ms", 1e3 * seconds) } else { human_time(seconds) }
 }
 
-/// The first names of a list, and the number of the others.
+/// The first names of a list, and the number of the others. Equal names are counted.
 fn names(all: &[String]) -> String {
     const SHOWN: usize = 12;
-    let shown = all[..all.len().min(SHOWN)].join(", ");
-    match all.len().saturating_sub(SHOWN) {
+    let mut counts: Vec<(&str, usize)> = Vec::new();
+    let mut places = HashMap::new();
+    for name in all {
+        let place = *places.entry(&name[..]).or_insert_with(|| {
+            counts.push((name, 0));
+            counts.len() - 1
+        });
+        counts[place].1 += 1;
+    }
+    let named = |(name, count): &(&str, usize)| match count {
+        1 => (*name).to_owned(),
+        count => format!("{name} ({count} times)"),
+    };
+    let shown: Vec<_> = counts.iter().take(SHOWN).map(named).collect();
+    let shown = shown.join(", ");
+    match counts.len().saturating_sub(SHOWN) {
         0 => shown,
         more => format!("{shown} and {more} more"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_names_are_counted_and_many_are_cut() {
+        let list = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+        let found = names(&list(&["wall", "lamp", "lamp", "floor", "lamp"]));
+        assert_eq!(found, "wall, lamp (3 times), floor");
+        let many: Vec<String> = (0..14).map(|n| format!("m{n}")).collect();
+        assert!(names(&many).ends_with("m11 and 2 more"), "{}", names(&many));
+        assert_eq!(names(&[]), "");
     }
 }

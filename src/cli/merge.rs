@@ -11,6 +11,7 @@ use super::say;
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::stopping::importance;
 use bdpm::base::error::{Error, Result};
+use bdpm::image_io::Metadata;
 use bdpm::output::checkpoint::Checkpoint;
 use bdpm::output::merge::{Merged, merge};
 use bdpm::render::block;
@@ -100,7 +101,7 @@ pub fn run(args: &Args) -> Result<String> {
     }
     let mut writer = Writer::new(outputs, &[], &args.files);
     let sums = (&image, &*checkpoint.shared);
-    let origin = (&checkpoint.provenance, None, None);
+    let origin = (&checkpoint.provenance, Metadata::new());
     writer.save(origin, sums, (&image.mean(), None), &mut attempts);
     if let Some(path) = &args.noise {
         attempts.add(path, || {

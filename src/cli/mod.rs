@@ -8,11 +8,13 @@ mod calibrate;
 mod compare;
 mod convert;
 mod black_image;
+mod built_in_scene;
 mod denoise;
 mod dry_run;
 mod glare;
 mod goniometer;
 mod image_file_args;
+mod image_info;
 mod info;
 mod interrupts;
 mod layers;
@@ -35,13 +37,16 @@ mod render_report;
 mod room_glare;
 mod run_report;
 mod scene_input;
+mod time_residuals;
 mod paper;
 mod settings_args;
 mod shell_files;
+mod tone;
 mod usage_tips;
 mod verbose;
 mod view;
 
+use bdpm::base::duration::positive_time;
 use bdpm::base::error::{Error, Result, visible};
 use bdpm::import::{EnvironmentSource, Warning};
 use bdpm::load::{CameraChange, LoadOptions, Loaded, LookAt, load_with};
@@ -84,7 +89,7 @@ enum Command {
     Calibrate(calibrate::Args),
     /// Repeat the paper's experiment and compare it with the published values
     Reproduce(paper::Args),
-    /// Show the contents of a scene and the settings it would be rendered with
+    /// Show the contents of a scene and its settings, or what an image states about itself
     Info(info::Args),
     /// Write a scene as a folder that can be edited: TOML, OBJ and PNG files
     Convert(convert::Args),
@@ -96,6 +101,8 @@ enum Command {
     Compare(compare::Args),
     /// Denoise an image, guided by its albedo and normals if it has them
     Denoise(denoise::Args),
+    /// Write an image as PNG with a tone curve, an exposure and a white balance
+    Tone(tone::Args),
     /// Print completions for a shell
     Completions(shell_files::CompletionsArgs),
     /// Write manual pages
@@ -176,13 +183,14 @@ fn run_other(command: Command) -> Result<String> {
         Command::Predict(args) => predict::run(&args),
         Command::Optimize(args) => optimize::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
-        Command::Reproduce(args) => paper::run(&args),
+        Command::Reproduce(args) => paper::run(args),
         Command::Info(args) => info::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Goniometer(args) => goniometer::run(&args),
         Command::Glare(args) => glare::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Denoise(args) => denoise::run(&args),
+        Command::Tone(args) => tone::run(&args),
         Command::Completions(args) => Ok(shell_files::completions(&args, definition())),
         Command::Man(args) => shell_files::manual(&args, definition()),
     }
@@ -269,6 +277,22 @@ struct SceneArgs {
 }
 
 impl SceneArgs {
+    /// Refuses options of scenes.
+    fn require_no_option(&self) -> Result<()> {
+        let Self { scene, camera, camera_change, strict, light, settings, accel, json: _ } = self;
+        let CameraArgs { look_at, fov, camera_from } = camera_change;
+        let LightArgs { environment, sky, no_fallback_light } = light;
+        let has_settings = !verbose::given_names(&settings.into()).is_empty();
+        let is_camera = camera.is_some() || look_at.is_some() || fov.is_some();
+        let is_light = environment.is_some() || sky.is_some() || *no_fallback_light;
+        let is_other = camera_from.is_some() || accel.is_some() || *strict;
+        if has_settings || is_camera || is_light || is_other {
+            let problem = "this is an image, for which only --json makes sense";
+            return Err(Error::new(problem, "leave out the other options").at(scene));
+        }
+        Ok(())
+    }
+
     /// Loads the scene.
     fn load(&self) -> Result<Loaded> {
         let options = self.light.options(self.camera.as_deref(), self.strict);
@@ -328,16 +352,6 @@ impl LightArgs {
     }
 }
 
-/// Reads a time above 0, such as 30s or 2m.
-fn positive_time(text: &str) -> Result<Duration> {
-    let advice = "give a time above 0, such as 30s, 2m or 1h";
-    match humantime::parse_duration(text) {
-        Ok(time) if time.is_zero() => Err(Error::new("nothing can be done in a time of 0", advice)),
-        Ok(time) => Ok(time),
-        Err(error) => Err(Error::new(error.to_string(), advice)),
-    }
-}
-
 /// A duration in words, such as `1m 5s`.
 fn human_time(seconds: f64) -> String {
     if seconds < 10.0 {
@@ -353,16 +367,6 @@ mod tests {
     #[test]
     fn argument_definitions_are_consistent() {
         definition().debug_assert();
-    }
-
-    #[test]
-    fn time_of_zero_is_refused_with_advice() {
-        assert_eq!(positive_time("1m 5s").unwrap(), Duration::from_secs(65));
-        for zero in ["0s", "0ms", "0h 0m"] {
-            let shown = positive_time(zero).unwrap_err().to_string();
-            assert!(shown.contains("time of 0\nhelp: give a time above 0"), "{shown}");
-        }
-        assert!(positive_time("soon").is_err());
     }
 
     #[test]

@@ -54,7 +54,7 @@ pub struct Args {
     /// origin at the top left.
     #[arg(long, value_name = "NAME|X0,Y0,X1,Y1", allow_hyphen_values = true)]
     region: Option<String>,
-    /// Optimize for this rendering time, such as 60s or 1h, with 16 iterations or more
+    /// Optimize for this rendering time, such as 60 (seconds) or 1h, of 16 iterations or more
     #[arg(long, value_name = "TIME", value_parser = positive_time,
           conflicts_with = "target_rms")]
     time: Option<Duration>,
@@ -128,6 +128,8 @@ pub fn run(args: &Args) -> Result<String> {
         compared = compared.in_whole_sets(&settings(file).map_err(|e| e.at(from))?);
     }
 
+    let times = Times::new(from, &timings);
+    times.warn();
     let name = |path: &Path| path.to_string_lossy().into_owned();
     let mut attempts = Attempts::default();
     if let (Some(path), Some(file)) = (&args.output, &file) {
@@ -144,7 +146,7 @@ pub fn run(args: &Args) -> Result<String> {
         most_light_paths: args.max_memory.map(|_| *light_paths.end()),
         rows: compared.rows(&measured, budget),
         flat_range: [*flat.start(), *flat.end()],
-        times: Times::new(from, &timings),
+        times,
         output: args.output.as_deref().map(name),
         plot: args.plot.as_deref().map(name),
     };

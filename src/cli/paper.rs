@@ -1,5 +1,6 @@
 //! `bdpm reproduce`.
 
+use super::built_in_scene::{BUILT_IN, BuiltInScene, is_built_in};
 use super::interrupts::catch_interrupts;
 use super::progress::{Progress, ProgressFormat};
 use super::scene_input::{LoadedScene, SessionArgs};
@@ -37,14 +38,14 @@ const FULL: (Duration, [u32; 2]) = (Duration::from_secs(20 * 60), [128; 2]);
 
 #[derive(clap::Args)]
 #[command(
-    mut_arg("scene", |arg| arg.required(false).default_value("scenes/cornell-box").help(
+    mut_arg("scene", |arg| arg.required(false).default_value(BUILT_IN).help(
         "Measure this scene, which needs a region side-walls; it sets what the paper leaves open"
     )),
     mut_arg("resolution", |arg| arg.help(
         "Render this many pixels [default: 128x128, with --quick 64x64]"
     )),
     mut_arg("time", |arg| arg.help(
-        "Render for this long, such as 20m or 2h [default: 20m, with --quick 60s]"
+        "Render for this long, such as 300 (seconds) or 2h [default: 20m, with --quick 60s]"
     )),
     mut_arg("light_paths", |arg| arg.hide(true)),
     mut_arg("camera_paths", |arg| arg.hide(true)),
@@ -69,7 +70,18 @@ struct ReproduceReport<'a> {
     results: Option<&'a Results>,
 }
 
-pub fn run(args: &Args) -> Result<String> {
+pub fn run(mut args: Args) -> Result<String> {
+    let path = &mut args.session.scene.scene;
+    if is_built_in(path) {
+        let scene = BuiltInScene::new()?;
+        *path = scene.path();
+        return run_experiment(&args);
+    }
+    run_experiment(&args)
+}
+
+/// Runs or continues the experiment with a scene on disk.
+fn run_experiment(args: &Args) -> Result<String> {
     let scene = &args.session.scene;
     if scene.settings.light_paths.is_some() || scene.settings.camera_paths.is_some() {
         return Err(Error::new(

@@ -1,7 +1,8 @@
 //! `bdpm predict NOISE.exr`.
 
 use super::analyze_text::with_error;
-use super::{json, positive_time};
+use super::time_residuals::{largest_residual, warning};
+use super::{json, positive_time, say};
 use bdpm::adaptive::optimize::predict::{Optimum, Predicted, Prediction, RenderTime, Source};
 use bdpm::base::error::{Error, Result};
 use bdpm::noise::file::NoiseFile;
@@ -45,7 +46,7 @@ pub struct Args {
     /// pixels.
     #[arg(long, value_name = "T.json|FOLDER", requires = "time")]
     timings: Option<PathBuf>,
-    /// Predict the noise after this rendering time, such as 1000s or 1h
+    /// Predict the noise after this rendering time, such as 1000 (seconds) or 1h
     #[arg(long, value_name = "TIME", requires = "timings", value_parser = positive_time)]
     time: Option<Duration>,
     /// Print the result as one JSON object on stdout
@@ -76,6 +77,8 @@ pub struct Times {
     pub setup: Option<MeasurementSetup>,
     model: TimeModel,
     pub errors: Option<TimeErrors>,
+    /// Largest difference between measured and fitted time over the time of the iteration.
+    pub largest_residual: Option<f64>,
     #[serde(skip)]
     pub table: String,
 }
@@ -87,8 +90,15 @@ impl Times {
             setup: timings.setup.clone(),
             model: timings.model,
             errors: timings.errors,
+            largest_residual: largest_residual(timings),
             table: timings.coefficients_table(),
         }
+    }
+
+    /// Says that the times do not fit their model well.
+    pub fn warn(&self) {
+        let warning = warning(self.largest_residual);
+        warning.iter().for_each(|warning| say(&format!("{}: {warning}", self.from)));
     }
 }
 
@@ -118,6 +128,7 @@ pub fn run(args: &Args) -> Result<String> {
         (None, None) => unreachable!("the parser requires one of them"),
     };
     report.times = timings.zip(args.timings.as_ref()).map(|(all, from)| Times::new(from, &all));
+    report.times.iter().for_each(Times::warn);
     Ok(if args.json { json(&report) } else { text(&report) })
 }
 

@@ -12,16 +12,16 @@ use bdpm::base::file_id::{FileId, folder};
 use bdpm::base::math::{Rgb, luminance};
 use bdpm::base::photometry::LUMENS_PER_WATT;
 use bdpm::image_io;
-use bdpm::image_io::{DisplayWindow, ExrFormat, Image, Layer, ToneMapping, Value};
-use bdpm::job::{AuditReport, RenderState, Verdict};
+use bdpm::image_io::{DisplayWindow, ExrFormat, Image, Layer, Metadata, ToneMapping, Value};
+use bdpm::job::{AuditReport, RelativeError, RenderState, Verdict};
 use bdpm::light::false_color::{ColorScale, FalseColorMap, ValueGrid};
 use bdpm::output::denoise;
 use bdpm::output::denoise::Denoised;
 use bdpm::output::layers::{LayerName, LayerSelection};
 use bdpm::output::recorded_camera::record;
+use bdpm::output::recorded_error::{POOLED_RMS, RecordedError};
 use bdpm::render::accumulators::SharedStatistics;
 use bdpm::render::block::CombinedImage;
-use bdpm::scene::Camera;
 use bdpm::settings::Crop;
 use bdpm::settings::provenance::Provenance;
 use std::ops::Range;
@@ -164,7 +164,8 @@ impl FileSchedule {
                     let image = state.image();
                     let mean = if denoised.is_some() { Vec::new() } else { image.mean() };
                     let preview = denoised.as_ref().map_or(&mean, |denoised| &denoised.image);
-                    writer.save_image(state, &image, (preview, denoised.as_ref()), &mut attempts);
+                    let shown = (&preview[..], denoised.as_ref());
+                    writer.save_image(state, &image, shown, &mut attempts, None);
                     warn(attempts.failures());
                 }
                 Err(error) => warn(Err(error)),
@@ -207,27 +208,33 @@ impl Writer {
         self.time += start.elapsed();
     }
 
-    /// Writes the image of a job. The preview is the denoised image if there is one, else the
-    /// image.
+    /// Writes the image of a job, and its relative error if that is known. The preview is the
+    /// denoised image if there is one, else the image.
     pub fn save_image(
         &mut self,
         state: &RenderState,
         image: &CombinedImage,
         shown: (&[Rgb], Option<&Denoised>),
         attempts: &mut Attempts,
+        error: Option<RelativeError>,
     ) {
         let sums = (image, state.renderer.shared());
         state.threads().install(|| {
             let audit = state.audit_report();
-            let origin = (&state.provenance, Some(state.camera()), audit.as_ref());
-            self.save(origin, sums, shown, attempts);
+            let mut facts = Metadata::from_iter(audit.iter().flat_map(audit_attributes));
+            if let Some(error) = error {
+                RecordedError::from(error).record(&mut facts);
+            }
+            record(state.camera(), &mut facts);
+            self.save((&state.provenance, facts), sums, shown, attempts);
         });
     }
 
-    /// Writes an image and its preview. A merged image has no known camera.
+    /// Writes an image and its preview, with facts that do not follow from its sums. A merged image
+    /// has none, not even its camera.
     pub fn save(
         &mut self,
-        (provenance, camera, audit): (&Provenance, Option<&Camera>, Option<&AuditReport>),
+        (provenance, facts): (&Provenance, Metadata),
         sums: (&CombinedImage, &SharedStatistics),
         (preview, denoised): (&[Rgb], Option<&Denoised>),
         attempts: &mut Attempts,
@@ -236,9 +243,7 @@ impl Writer {
         let combined = sums.0;
         let (width, height) = combined.resolution();
         let mut metadata = provenance.to_metadata();
-        if let Some(camera) = camera {
-            record(camera, &mut metadata);
-        }
+        metadata.extend(facts);
         if let Some(error) = denoised.and_then(|denoised| denoised.error.as_ref()) {
             let error = &error.whole;
             for (name, value) in [
@@ -249,9 +254,11 @@ impl Writer {
                 metadata.insert(name.into(), Value::Number(value));
             }
         }
-        metadata.extend(audit.into_iter().flat_map(audit_attributes));
         let iterations = Value::Number(combined.iterations() as f64);
         metadata.insert("iterations".into(), iterations);
+        if let Some((variance, _)) = combined.pooled_variance() {
+            metadata.insert(POOLED_RMS.into(), Value::Number(variance.sqrt()));
+        }
         if self.outputs.false_color.is_some() {
             let efficacy = Value::Number(f64::from(LUMENS_PER_WATT));
             metadata.insert("luminance unit".into(), Value::Text("cd/m2".into()));

@@ -153,7 +153,7 @@ impl<'a> RenderObserver<'a> {
         let mut attempts = Attempts::default();
         let image = result.state.image();
         let shown = (&result.image[..], result.state.denoised());
-        writer.save_image(&result.state, &image, shown, &mut attempts);
+        writer.save_image(&result.state, &image, shown, &mut attempts, result.error);
         black_image::warn(&result.image, &progress);
         drop(image);
         if let Some(path) = &args.noise {

@@ -240,7 +240,7 @@ fn audit(report: &RenderReport) -> String {
 }
 
 /// The interval of an error in words.
-fn interval_text(interval: &ErrorInterval) -> String {
+pub fn interval_text(interval: &ErrorInterval) -> String {
     let ErrorInterval { low, high } = interval;
     format!(" ({:.0} %: {:.2} to {:.2} %)", 100.0 * COVERAGE, 100.0 * low, 100.0 * high)
 }

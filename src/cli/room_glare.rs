@@ -18,7 +18,7 @@ use std::time::Duration;
 #[derive(clap::Args)]
 #[group(id = "room")]
 pub struct Args {
-    /// Rate a scene for about this time, such as 30s or 2m [default: no limit]
+    /// Rate a scene for about this time, such as 30 (seconds) or 2m [default: no limit]
     #[arg(long, value_name = "TIME", value_parser = positive_time)]
     time: Option<Duration>,
     /// Stop at this relative half-width of the illuminance's interval [default: 2%]

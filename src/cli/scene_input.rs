@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 pub struct SessionArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// Render for about this time, such as 30s, 2m or 1h [default: no limit]
+    /// Render for about this time, such as 30 (seconds), 2m or 1h [default: no limit]
     #[arg(long, value_name = "TIME", value_parser = positive_time)]
     pub time: Option<Duration>,
     /// Use this many threads, without effect on the image [default: all processors]

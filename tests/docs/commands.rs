@@ -19,11 +19,12 @@ const SMALL_BDPM: &str = include_str!("small-bdpm.sh");
 const CHECK_NAMES: &str = include_str!("check-names.sh");
 
 /// All subcommands: `claims.rs` compares them with the program.
-pub const SUBCOMMANDS: [&str; 16] = [
+pub const SUBCOMMANDS: [&str; 17] = [
     "render",
     "measure",
     "merge",
     "denoise",
+    "tone",
     "compare",
     "info",
     "convert",

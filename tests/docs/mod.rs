@@ -6,6 +6,7 @@ mod combinations;
 mod commands;
 mod formats;
 mod help;
+mod library;
 mod limits;
 mod links;
 mod markdown;

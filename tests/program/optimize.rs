@@ -196,6 +196,8 @@ fn wrong_inputs_of_optimize_are_refused_by_name() {
     assert_refused(&refused, "no noise to plot", "leave out the plot");
     for wrong in [
         ["--time", "0s"],
+        ["--time", "0"],
+        ["--time", "soon"],
         ["--target-rms", "-1"],
         ["--max-memory", "much"],
         ["--objective", "best"],

@@ -223,6 +223,9 @@ fn dry_run_describes_the_render_and_writes_nothing() {
     assert!(path.contains(" 2 camera paths per pixel") && !path.contains("light paths"), "{path}");
     let shown = dry(&["--time", "3s", "--output", "new.exr", "--checkpoint", "c.ckpt"]);
     assert!(shown.contains("after 3.0s") && shown.contains("new.exr"), "{shown}");
+    // A plain number is seconds.
+    let shown = dry(&["--time", "2.5", "--output", "new.exr"]);
+    assert!(shown.contains("after 2.5s"), "{shown}");
     let mut automatic = bdpm(&["render", SCENE, "--dry-run", "--json", "--report", "r.html"]);
     automatic.current_dir(folder.path());
     let report = json(&succeed(automatic));

@@ -16,6 +16,8 @@ pub mod lanes;
 pub mod packet;
 
 pub use geometry::{Geometry, Instance, instance_transform};
+/// Vectors and transforms of the interface, in the version that this crate uses.
+pub use glam;
 pub use packet::{HitPacket, RayPacket};
 
 /// A ray segment: `origin + t * direction` for `t` in `(t_near, t_far)`.

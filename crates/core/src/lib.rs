@@ -20,6 +20,8 @@ pub mod render;
 pub use base::error::{Error, Result};
 #[doc(inline)]
 pub use bdpm_accel as accel;
+/// Vectors and transforms of the interface, in the version that this crate uses.
+pub use glam;
 pub use render::Renderer;
 pub use scene::Scene;
 pub use settings::Settings;

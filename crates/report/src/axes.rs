@@ -8,8 +8,13 @@ const SIZE: [f64; 2] = [560.0, 360.0];
 /// Margins for labels: left, right, top, bottom.
 const MARGINS: [f64; 4] = [92.0, 18.0, 16.0, 56.0];
 
-/// Distance between the lines of the legend.
-const LEGEND_LINE: f64 = 22.0;
+/// Distance between the lines of the legend, which is below the plot and covers no curve.
+const LEGEND_LINE: f64 = 24.0;
+
+/// Width of a character of the legend, about, and of the mark before its label with the space
+/// around it.
+const LEGEND_CHARACTER: f64 = 9.0;
+const LEGEND_MARK: f64 = 44.0;
 
 /// Maximum number of ticks of an axis.
 const MAX_TICKS: usize = 6;
@@ -33,7 +38,7 @@ pub struct LogPlot<'a> {
     pub curves: Vec<Curve<'a>>,
     /// Marks, drawn over the curves.
     pub marks: Vec<Mark<'a>>,
-    /// Class and label of each entry of the legend inside the plot.
+    /// Class and label of each entry of the legend below the plot.
     pub legend: Vec<(&'a str, String)>,
 }
 
@@ -94,8 +99,10 @@ impl LogPlot<'_> {
         let x = Axis { ends: self.ends(0)?, coordinates: [left, width - right] };
         let y = Axis { ends: self.ends(1)?, coordinates: [height - bottom, top] };
         let at = |value: f64| format!("{value:.1}");
+        let (legend, lines) = self.legend_places();
+        let total = height + LEGEND_LINE * f64::from(lines);
         Some(html! {
-            svg viewBox=(format!("0 0 {width} {height}")) role="img" aria-label=(self.alt)
+            svg viewBox=(format!("0 0 {width} {total}")) role="img" aria-label=(self.alt)
                 xmlns=[style.map(|_| "http://www.w3.org/2000/svg")] class=[class] {
                 @if let Some(style) = style { style { (PreEscaped(style)) } }
                 @for (value, label) in x.shown(self.ticks[0]) {
@@ -129,13 +136,31 @@ impl LogPlot<'_> {
                 @for Mark { class, at: [a, b] } in self.marks.iter().filter(|mark| is_shown(&mark.at)) {
                     circle class=(class) cx=(at(x.coordinate(*a))) cy=(at(y.coordinate(*b))) r="6" {}
                 }
-                @for (row, (class, label)) in self.legend.iter().enumerate() {
-                    @let place = top + 12.0 + LEGEND_LINE * row as f64;
-                    circle class=(class) cx=(at(width - right - 12.0)) cy=(at(place)) r="6" {}
-                    text x=(at(width - right - 26.0)) y=(at(place + 6.0)) text-anchor="end" { (label) }
+                @for ((class, label), (column, line)) in self.legend.iter().zip(&legend) {
+                    @let place = height + LEGEND_LINE * (f64::from(*line) + 0.4);
+                    circle class=(class) cx=(at(left + column + 8.0)) cy=(at(place)) r="6" {}
+                    text x=(at(left + column + 22.0)) y=(at(place + 6.0)) { (label) }
                 }
             }
         })
+    }
+
+    /// Distance from the left end of the plot and line of each entry of the legend, and the number
+    /// of lines.
+    fn legend_places(&self) -> (Vec<(f64, u32)>, u32) {
+        let room = SIZE[0] - MARGINS[0] - MARGINS[1];
+        let (mut column, mut line) = (0.0, 0);
+        let place = |(_, label): &(&str, String)| {
+            let width = LEGEND_MARK + LEGEND_CHARACTER * label.chars().count() as f64;
+            if column > 0.0 && column + width > room {
+                (column, line) = (0.0, line + 1);
+            }
+            column += width;
+            (column - width, line)
+        };
+        let places: Vec<_> = self.legend.iter().map(place).collect();
+        let lines = places.last().map_or(0, |(_, line)| line + 1);
+        (places, lines)
     }
 
     /// The ends of an axis that contains all points.
@@ -236,6 +261,30 @@ mod tests {
             places.iter().all(|p| (92.0..=542.0).contains(&p[0]) && (12.0..=304.0).contains(&p[1]))
         );
         assert!(svg.contains("a &lt; b"));
+    }
+
+    #[test]
+    fn legend_is_below_the_plot_in_lines_that_fit() {
+        let decimal = |ends: [f64; 2]| decimal_ticks(ends, |value| value.to_string());
+        let label = |n: usize| ("series", "x".repeat(n));
+        let plot = LogPlot {
+            alt: "",
+            names: ["", ""],
+            ticks: [&decimal, &decimal],
+            curves: vec![Curve { class: "", points: vec![[1.0, 1.0], [2.0, 2.0]] }],
+            marks: Vec::new(),
+            legend: [8, 9, 40, 7].map(label).into(),
+        };
+        let (places, lines) = plot.legend_places();
+        assert_eq!(places.iter().map(|(_, line)| *line).collect::<Vec<_>>(), [0, 0, 1, 2]);
+        assert_eq!((lines, places[0].0, places[2].0, places[3].0), (3, 0.0, 0.0, 0.0));
+        assert!(places[1].0 > 8.0 * LEGEND_CHARACTER);
+        let svg = plot.svg().unwrap().into_string();
+        assert!(svg.contains(&format!("0 0 560 {}", 360.0 + 3.0 * LEGEND_LINE)), "{svg}");
+        for circle in svg.split("cy=\"").skip(1) {
+            let y: f64 = circle.split('"').next().unwrap().parse().unwrap();
+            assert!(y > SIZE[1], "{svg}");
+        }
     }
 
     #[test]

@@ -90,7 +90,7 @@ impl NoisePlot<'_> {
         let plot = LogPlot {
             alt: self.alt,
             names: ["light paths per iteration, N_F", self.rms_name],
-            ticks: [&|ends| decimal_ticks(ends, light_paths_label), &|ends| {
+            ticks: [&|ends| decimal_ticks(ends, |n| light_paths_label(n, ends[1])), &|ends| {
                 decimal_ticks(ends, |rms| rms_label(rms, top))
             }],
             curves,
@@ -101,8 +101,11 @@ impl NoisePlot<'_> {
     }
 }
 
-fn light_paths_label(n: f64) -> String {
-    if n < 1e4 { format!("{n:.0}") } else { format!("{n:.0e}") }
+/// A number of light paths: with all digits if the axis ends below 100,000, else all numbers of the
+/// axis as powers of ten.
+fn light_paths_label(n: f64, end: f64) -> String {
+    let n = n.round();
+    if end < 1e5 { format!("{n:.0}") } else { format!("{n:e}") }
 }
 
 /// An RMS with the digits that a scale up to `top` needs.
@@ -112,5 +115,21 @@ pub fn rms_label(rms: f64, top: f64) -> String {
         format!("{rms:.*}", digits as usize)
     } else {
         format!("{rms:.2e}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_of_an_axis_have_one_form() {
+        let labels = |ends: [f64; 2]| {
+            let ticks = decimal_ticks(ends, |n| light_paths_label(n, ends[1]));
+            ticks.into_iter().map(|(_, label)| label).collect::<Vec<_>>()
+        };
+        assert_eq!(labels([90.0, 2e4]), ["100", "1000", "10000"]);
+        assert_eq!(labels([900.0, 2e5]), ["1e3", "1e4", "1e5"]);
+        assert!(labels([1.1e5, 2.6e5]).contains(&"1.5e5".to_owned()));
     }
 }

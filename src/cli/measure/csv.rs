@@ -29,9 +29,10 @@ fn table(measurement: &Measurement) -> csv::Result<Vec<u8>> {
                 let [row, column] = [row, column].map(|index| index.to_string());
                 let texts =
                     [as_text(&set.name), row, column, as_text(lights), set.unit().to_owned()];
-                // Readings that are unknown are empty.
-                let field =
-                    |number: f64| if number.is_nan() { String::new() } else { number.to_string() };
+                // Readings and uncertainties that are unknown are empty.
+                let field = |number: f64| {
+                    if number.is_finite() { number.to_string() } else { String::new() }
+                };
                 let position = place.position.to_array().map(|number| number.to_string());
                 let fields = texts.into_iter().chain(numbers.map(field)).chain(position);
                 writer.write_record(fields)?;

@@ -16,6 +16,14 @@ pub fn digits_of(expanded: f64) -> usize {
     (1.0 - size.log10().floor()).clamp(0.0, 6.0) as usize
 }
 
+/// An uncertainty with these decimal places, or that it is unknown.
+pub fn uncertainty(value: f64, digits: usize) -> String {
+    if value.is_finite() { format!("{value:.digits$}") } else { UNKNOWN.to_owned() }
+}
+
+/// Shown in place of a number that is not known.
+pub const UNKNOWN: &str = "unknown";
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -26,6 +34,14 @@ mod tests {
         {
             let reading = Reading { expanded, ..Reading::default() };
             assert_eq!(digits(&reading), expected, "{expanded}");
+        }
+    }
+
+    #[test]
+    fn uncertainties_of_one_iteration_are_unknown() {
+        assert_eq!(uncertainty(1.25, 1), "1.2");
+        for value in [f64::NAN, f64::INFINITY] {
+            assert_eq!(uncertainty(value, digits_of(value)), UNKNOWN);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Maps of grids of meters: false colors, isolines and an EXR image of all numbers.
 
-use super::digits::digits;
+use super::digits::{digits, uncertainty};
 use crate::cli::outputs::Attempts;
 use bdpm::Measurement;
 use bdpm::base::atomic::write_atomically;
@@ -49,10 +49,17 @@ fn captions(set: &SetReadings) -> Vec<String> {
     let (unit, mean, uniformity) = (set.unit(), &set.mean, set.uniformity());
     vec![
         format!("{} of {}", quantity(set.kind), set.name),
-        format!("mean {:.places$} {unit} +- {:.places$} (95 %)", mean.value, mean.expanded),
         format!(
-            "{low:.0} to {high:.0} {unit}, uniformity {:.3} +- {:.3}",
-            uniformity.value, uniformity.expanded
+            "mean {:.places$} {unit} +- {} (95 %)",
+            mean.value,
+            uncertainty(mean.expanded, places)
+        ),
+        format!(
+            "{} to {} {unit}, uniformity {} +- {}",
+            uncertainty(low, 0),
+            uncertainty(high, 0),
+            uncertainty(uniformity.value, 3),
+            uncertainty(uniformity.expanded, 3)
         ),
     ]
 }

@@ -1,6 +1,6 @@
 //! A measurement as an HTML page without external resources.
 
-use super::digits::{digits, digits_of};
+use super::digits::{digits, digits_of, uncertainty};
 use crate::cli::human_time;
 use bdpm::Measurement;
 use bdpm::base::atomic::write_atomically;
@@ -114,11 +114,17 @@ fn extreme(label: &str, own: &Estimated, unit: &str) -> Markup {
                 td {}
             } @else {
                 td { (fixed(own.value, digits)) " " (unit) }
-                td { "±" (fixed(own.expanded, digits)) }
+                td { (half_width(own.expanded, digits)) }
             }
             @for _ in 0..4 { td {} }
         }
     }
+}
+
+/// Half of the width of an interval, or that it is unknown.
+fn half_width(expanded: f64, digits: usize) -> String {
+    let sign = if expanded.is_finite() { "±" } else { "" };
+    format!("{sign}{}", uncertainty(expanded, digits))
 }
 
 /// A row with its texts: meter, position and lights.
@@ -138,8 +144,9 @@ fn row(texts: [&str; 3], set: &SetReadings, reading: &Reading) -> Markup {
         tr {
             @for text in texts { td .text { (text) } }
             td { (shown(value)) " " (set.unit()) }
-            td { "±" (shown(expanded)) }
-            @for number in [noise, bias, direct, reading.indirect()] { td { (shown(number)) } }
+            td { (half_width(expanded, digits(reading))) }
+            @for number in [noise, bias] { td { (uncertainty(number, digits(reading))) } }
+            @for number in [direct, reading.indirect()] { td { (shown(number)) } }
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The table that `bdpm measure` prints.
 
-use super::digits::{digits, digits_of};
+use super::digits::{UNKNOWN, digits, digits_of, uncertainty};
 use crate::cli::human_time;
 use bdpm::Measurement;
 use bdpm::measurement::{Estimated, Reading, SetReadings, unit};
@@ -19,6 +19,11 @@ pub fn text(measurement: &Measurement) -> String {
     for set in &measurement.sets {
         rows(&mut text, set, width);
     }
+    let readings = measurement.sets.iter().flat_map(|set| &set.readings);
+    if readings.into_iter().any(|own| own.is_known() && !own.has_uncertainty()) {
+        writeln!(text, "uncertainties are unknown after one iteration: give a longer --time")
+            .expect(PLAIN);
+    }
     for technique in &measurement.techniques {
         writeln!(text, "{technique}").expect(PLAIN);
     }
@@ -34,7 +39,7 @@ const PLAIN: &str = "strings take everything";
 fn rows(text: &mut String, set: &SetReadings, width: usize) {
     let mut line = |name: &str, reading: &Reading| {
         if !reading.is_known() {
-            writeln!(text, "{name:<width$} {:>11}", "unknown").expect(PLAIN);
+            writeln!(text, "{name:<width$} {UNKNOWN:>11}").expect(PLAIN);
             return;
         }
         let digits = digits(reading);
@@ -43,14 +48,14 @@ fn rows(text: &mut String, set: &SetReadings, width: usize) {
             text,
             "{name:<width$} {:>11} {:>10} {:>7} {:>10} {:>10} {:>11} {:>11}",
             format!("{} {}", number(reading.value), unit(set.kind)),
-            number(reading.expanded),
-            if reading.value > 0.0 {
+            uncertainty(reading.expanded, digits),
+            if reading.value > 0.0 && reading.has_uncertainty() {
                 format!("{:.2} %", 100.0 * reading.relative(0.0))
             } else {
                 String::new()
             },
-            number(reading.noise),
-            number(reading.bias),
+            uncertainty(reading.noise, digits),
+            uncertainty(reading.bias, digits),
             number(reading.direct),
             number(reading.indirect()),
         )
@@ -84,18 +89,56 @@ fn rows(text: &mut String, set: &SetReadings, width: usize) {
 /// A minimum or maximum in the columns of values and uncertainties.
 fn extreme_text(extreme: &Estimated, unit: &str) -> String {
     if extreme.value.is_nan() {
-        return format!("{:>11}", "unknown");
+        return format!("{UNKNOWN:>11}");
     }
     let digits = digits_of(extreme.expanded);
     let Estimated { value, expanded } = *extreme;
-    let relative = format!("{:.2} %", 100.0 * expanded / value);
-    format!("{:>11} {expanded:>10.digits$} {relative:>7}", format!("{value:.digits$} {unit}"))
+    let relative = match expanded.is_finite() {
+        true => format!("{:.2} %", 100.0 * expanded / value),
+        false => String::new(),
+    };
+    let (value, expanded) = (format!("{value:.digits$} {unit}"), uncertainty(expanded, digits));
+    format!("{value:>11} {expanded:>10} {relative:>7}")
 }
 
 /// A ratio with its uncertainty.
 fn ratio(own: &Estimated) -> String {
     if own.value.is_nan() {
-        return "unknown".to_owned();
+        return UNKNOWN.to_owned();
     }
-    format!("{:.3} +- {:.3}", own.value, own.expanded)
+    format!("{:.3} +- {}", own.value, uncertainty(own.expanded, 3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bdpm::scene::MeterKind;
+    use std::time::Duration;
+
+    #[test]
+    fn uncertainties_of_one_iteration_are_unknown() {
+        let one = Reading {
+            value: 350.0,
+            noise: f64::NAN,
+            bias: 0.0,
+            expanded: f64::INFINITY,
+            direct: 300.0,
+        };
+        for expanded in [f64::INFINITY, f64::NAN] {
+            let reading = Reading { expanded, ..one };
+            let mut grid = SetReadings::single("grid", MeterKind::Irradiance, reading);
+            (grid.grid, grid.readings) = ([2, 1], vec![reading; 2]);
+            let set = SetReadings::single("desk", MeterKind::Irradiance, reading);
+            let text = text(&Measurement {
+                sets: vec![set, grid],
+                reached: false,
+                time: Duration::ZERO,
+                techniques: Vec::new(),
+                warnings: Vec::new(),
+            });
+            assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
+            assert!(text.contains("350.0 lx    unknown"), "{text}");
+            assert!(text.contains("after one iteration: give a longer --time"), "{text}");
+        }
+    }
 }

@@ -22,7 +22,11 @@ pub fn write_atomically(
     write: impl FnOnce(&mut (dyn WriteSeek + '_)) -> std::io::Result<()>,
 ) -> Result<()> {
     let target = destination(path);
-    let file = temporary(&folder(&target)).map_err(|e| Error::io("write", path, e))?;
+    if let Some(error) = missing_folder(path) {
+        return Err(error);
+    }
+    let own = |error| Error::io("write", path, without_path(error));
+    let file = temporary(&folder(&target)).map_err(own)?;
     let save = || {
         // Write to the `File` itself: errors then name `path`, not the temporary file.
         let to = file.as_file();
@@ -40,7 +44,26 @@ pub fn write_atomically(
         file.persist(&target)?;
         Ok(())
     };
-    save().map_err(|e| Error::io("write", path, e))
+    save().map_err(own)
+}
+
+/// The error of the system without the name of the temporary file, which the crate `tempfile`
+/// appends and which means nothing to users.
+fn without_path(error: io::Error) -> io::Error {
+    match error.to_string().split_once(" at path \"") {
+        Some((own, _)) => io::Error::new(error.kind(), own.to_owned()),
+        None => error,
+    }
+}
+
+/// The error of a file whose folder does not exist.
+fn missing_folder(path: &Path) -> Option<Error> {
+    let folder = folder(&destination(path));
+    let error = folder.metadata().err()?;
+    (error.kind() == io::ErrorKind::NotFound).then(|| {
+        let advice = format!("create the folder: mkdir -p {}", folder.display());
+        Error::new("cannot write: its folder does not exist", advice).at(path)
+    })
 }
 
 /// Bytes after which the system starts to write a large file to the disk, while the rest is still
@@ -124,14 +147,13 @@ pub fn check_writable(path: &Path, extension: Option<&str>) -> Result<()> {
             let advice = format!("{} is no folder; give another path", folder.display());
             return refuse("cannot write", advice);
         }
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-            let advice = format!("create the folder: mkdir -p {}", folder.display());
-            return refuse("cannot write: its folder does not exist", advice);
-        }
         _ => {}
     }
+    if let Some(error) = missing_folder(path) {
+        return Err(error);
+    }
     sweep(&folder);
-    temporary(&folder).map(drop).map_err(|e| Error::io("write", path, e))
+    temporary(&folder).map(drop).map_err(|e| Error::io("write", path, without_path(e)))
 }
 
 /// A file in `folder` that vanishes unless it is renamed. It is locked while it is being written:
@@ -202,6 +224,20 @@ mod tests {
         write_atomically(&path, |file| file.write_all(b"new")).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert_eq!(names(folder.path()), ["a.exr"]);
+    }
+
+    #[test]
+    fn folders_that_are_missing_or_no_folders_are_named_without_a_temporary_file() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("file"), "").unwrap();
+        for (name, problem) in [("none/a.exr", "its folder does not exist"), ("file/a.exr", "")] {
+            let path = folder.path().join(name);
+            let error = write_atomically(&path, |file| file.write_all(b"new")).unwrap_err();
+            let shown = error.to_string();
+            assert!(shown.contains(name) && shown.contains(problem), "{shown}");
+            assert!(!shown.contains(TEMPORARY[1]), "{shown}");
+        }
+        assert_eq!(names(folder.path()), ["file"]);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! memory and files.
 
 pub mod atomic;
+pub mod duration;
 pub mod error;
 pub mod file_id;
 pub mod input;

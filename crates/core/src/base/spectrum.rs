@@ -177,6 +177,16 @@ fn shares() -> Vec<DVec3> {
     all.into_iter().map(|color| color / white).collect()
 }
 
+/// XYZ of a black body of this temperature, in kelvins, in no particular unit: Planck's law.
+pub fn black_body_xyz(kelvin: f64) -> DVec3 {
+    // The second radiation constant, nm K.
+    const C2: f64 = 1.438_776_877e7;
+    let radiance = |nm: f64| (nm / 560.0).powi(-5) / (C2 / (nm * kelvin)).exp_m1();
+    let rows = OBSERVER_AND_DAYLIGHT.iter().enumerate();
+    rows.map(|(index, &[x, y, z, _])| DVec3::new(x, y, z) * radiance(FIRST + STEP * index as f64))
+        .sum()
+}
+
 /// First wavelength of the table, and its step, nm.
 const FIRST: f64 = 380.0;
 const STEP: f64 = 5.0;

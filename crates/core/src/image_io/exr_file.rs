@@ -3,11 +3,11 @@
 use super::exr_blocks;
 use super::exr_format::{DisplayWindow, ExrFormat};
 use super::exr_header::SortedHeader;
+use super::exr_summary::{PREFIX, broken, metadata_of, open};
 use super::exr_windows::ExrWindows;
-use super::{Image, Layer, Metadata, Primaries, Value, converted};
+use super::{Image, Layer, Primaries, Value, converted};
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
-use crate::base::input;
 use crate::base::memory::{GIB, available_memory};
 use exr::image::AnyChannel;
 use exr::meta::attribute::Chromaticities;
@@ -16,16 +16,9 @@ use exr::meta::{BlockDescription, MetaData};
 use exr::prelude::{
     AttributeValue, FlatSamples, IntegerBounds, LineOrder, ReadChannels, ReadLayers, Text, Vec2,
 };
-use std::fs::File;
-use std::io::{BufReader, Read, Seek};
+use std::io::{BufReader, Seek};
 use std::ops::Range;
 use std::path::Path;
-
-/// Prefix of the name of every custom attribute.
-const PREFIX: &str = "bdpm.";
-
-/// First bytes of every EXR file.
-const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
 /// Maximum bytes of pixels per byte of a file: ZIP reaches about a thousand, lossy methods a few
 /// thousand if all pixels are equal.
@@ -156,22 +149,7 @@ pub fn read_exr_display(path: &Path) -> Result<Image> {
 
 /// Reads the data window, and how it lies in the display window.
 fn read_windows(path: &Path) -> Result<(Image, ExrWindows)> {
-    let file = input::open(path)?;
-    check_magic(&file).map_err(|e| Error::io("read", path, e))?.map_err(|e| e.at(path))?;
-    let broken = |e: exr::error::Error| match e {
-        exr::error::Error::Io(e) => Error::io("read", path, e),
-        exr::error::Error::NotSupported(what) => Error::new(
-            format!("this kind of EXR image cannot be read: {what}"),
-            "save it again, with flat channels",
-        )
-        .at(path),
-        e => Error::new(
-            format!("the EXR image is cut off or damaged: {e}"),
-            "copy it again from where it came, or write it again",
-        )
-        .at(path),
-    };
-    let meta = MetaData::read_from_unbuffered(&file, false).map_err(broken)?;
+    let (file, meta) = open(path)?;
     let length = file.metadata().and_then(|metadata| (&file).rewind().map(|()| metadata.len()));
     let length = length.map_err(|e| Error::io("read", path, e))?;
     check_size(&meta, length, available_memory()).map_err(|e| e.at(path))?;
@@ -182,7 +160,7 @@ fn read_windows(path: &Path) -> Result<(Image, ExrWindows)> {
         .first_valid_layer()
         .all_attributes()
         .from_buffered(BufReader::new(&file))
-        .map_err(broken)?;
+        .map_err(|error| broken(path, error))?;
     let part = image.layer_data;
     let attributes = part.attributes.other.iter().chain(&image.attributes.other);
     let metadata = metadata_of(attributes);
@@ -227,37 +205,6 @@ fn layers_of(channels: impl IntoIterator<Item = AnyChannel<FlatSamples>>) -> Vec
     layers
 }
 
-/// Texts and numbers of this program.
-fn metadata_of<'a>(attributes: impl Iterator<Item = (&'a Text, &'a AttributeValue)>) -> Metadata {
-    let mut metadata = Metadata::new();
-    for (name, value) in attributes {
-        let value = match value {
-            AttributeValue::Text(value) => {
-                Value::Text(String::from_utf8_lossy(value.as_slice()).into_owned())
-            }
-            AttributeValue::F64(value) => Value::Number(*value),
-            _ => continue,
-        };
-        if let Some(name) = String::from_utf8_lossy(name.as_slice()).strip_prefix(PREFIX) {
-            metadata.insert(name.to_owned(), value);
-        }
-    }
-    metadata
-}
-
-/// Refuses files that are no EXR files; rewinds the others.
-fn check_magic(mut file: &File) -> std::io::Result<Result<()>> {
-    let mut begin = Vec::new();
-    file.take(MAGIC.len() as u64).read_to_end(&mut begin)?;
-    file.rewind()?;
-    let problem = match &begin[..] {
-        [] => "the file is empty",
-        begin if MAGIC.starts_with(begin) => return Ok(Ok(())),
-        _ => "this is no EXR image",
-    };
-    Ok(Err(Error::new(problem, "give an .exr file")))
-}
-
 /// Refuses more pixels than `length` bytes of a file or the memory can hold, before they are read.
 fn check_size(meta: &MetaData, length: u64, available: Option<f64>) -> Result<()> {
     for header in &meta.headers {
@@ -296,6 +243,7 @@ fn text(value: &str) -> Text {
 mod tests {
     use super::*;
     use crate::base::math::Rgb;
+    use crate::image_io::Metadata;
     use std::fs;
 
     fn image(width: u32, height: u32) -> Image {

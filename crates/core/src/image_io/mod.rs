@@ -9,21 +9,27 @@ mod exr_blocks;
 mod exr_file;
 mod exr_format;
 mod exr_header;
+mod exr_summary;
 mod exr_windows;
 mod png_file;
 mod primaries;
 mod scale;
 mod tone;
 mod tone_curves;
+mod white_balance;
 
 #[cfg(feature = "pictures")]
 pub use canvas::Canvas;
 pub use exr_file::{read_exr, read_exr_display, write_exr, write_exr_as, write_exr_rows};
 pub use exr_format::{DisplayWindow, ExrCompression, ExrFormat};
-pub use png_file::{encode_png, is_ours, write_png, write_png_as, write_png_bytes};
+pub use exr_summary::{ExrChannel, ExrSummary, read_exr_summary};
+pub use png_file::{
+    encode_png, is_ours, write_png, write_png_as, write_png_bytes, write_png_exposed,
+};
 pub use primaries::{Primaries, converted};
 pub use scale::{digits, number, quantile, tick_step};
 pub use tone::{ToneCurve, ToneMapping, auto_exposure, tone_map};
+pub use white_balance::{Adaptation, WhiteBalance};
 
 use crate::base::math::Rgb;
 use std::collections::BTreeMap;

@@ -39,13 +39,30 @@ pub fn write_png_as(
     pixels: &[Rgb],
     mapping: ToneMapping,
 ) -> crate::Result<f32> {
-    assert_eq!(pixels.len(), width as usize * height as usize);
     let exposure = mapping.exposure(pixels);
+    write_png_exposed(path, (width, height), pixels, mapping, exposure)?;
+    Ok(exposure)
+}
+
+/// Writes as [`write_png_as`], but with this factor from radiance to display values.
+///
+/// # Errors
+/// As [`write_png`].
+///
+/// # Panics
+/// As [`write_png`].
+pub fn write_png_exposed(
+    path: &Path,
+    (width, height): (u32, u32),
+    pixels: &[Rgb],
+    mapping: ToneMapping,
+    exposure: f32,
+) -> crate::Result<()> {
+    assert_eq!(pixels.len(), width as usize * height as usize);
     let mapped: Vec<[u8; 3]> =
         pixels.par_iter().map(|pixel| mapping.apply(*pixel, exposure)).collect();
     let bytes = mapped.into_flattened();
-    write_png_bytes(path, width, height, &bytes)?;
-    Ok(exposure)
+    write_png_bytes(path, width, height, &bytes)
 }
 
 /// Writes 8-bit sRGB pixels as they are, row by row.

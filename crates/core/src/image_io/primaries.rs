@@ -41,7 +41,7 @@ impl Primaries {
     }
 
     /// The map to CIE XYZ, in which white has a luminance of 1.
-    fn to_xyz(self) -> Option<DMat3> {
+    pub(super) fn to_xyz(self) -> Option<DMat3> {
         let [red, green, blue, own] = self.xy;
         let column = |[x, y]: [f64; 2]| DVec3::new(x, y, 1.0 - x - y);
         let basis = DMat3::from_cols(column(red), column(green), column(blue));
@@ -52,12 +52,12 @@ impl Primaries {
 }
 
 /// XYZ of a white of luminance 1.
-fn white([x, y]: [f64; 2]) -> Option<DVec3> {
+pub(super) fn white([x, y]: [f64; 2]) -> Option<DVec3> {
     (y > 1e-6 && x.is_finite()).then(|| DVec3::new(x / y, 1.0, (1.0 - x - y) / y))
 }
 
 /// Bradford's adaptation from one white to another.
-fn adaptation(from: DVec3, to: DVec3) -> DMat3 {
+pub(super) fn adaptation(from: DVec3, to: DVec3) -> DMat3 {
     let cones = DMat3::from_cols_array(&[
         0.8951, -0.7502, 0.0389, 0.2664, 1.7135, -0.0685, -0.1614, 0.0367, 1.0296,
     ]);

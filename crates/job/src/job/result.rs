@@ -7,6 +7,7 @@ use super::step::Step;
 use crate::output::denoise;
 use crate::output::layers::LayerSelection;
 use crate::output::recorded_camera::record;
+use crate::output::recorded_error::{POOLED_RMS, RecordedError};
 use bdpm_auto::adaptive::error_interval::{ErrorInterval, SquaredPart};
 use bdpm_auto::adaptive::plan::Plan;
 use bdpm_auto::adaptive::stopping::{Convergence, StoppedBy, importance};
@@ -63,6 +64,12 @@ pub struct RelativeError {
     pub bias: f64,
     /// Range in which the true relative error should lie, if it is known.
     pub interval: Option<ErrorInterval>,
+}
+
+impl From<RelativeError> for RecordedError {
+    fn from(RelativeError { total, noise, bias, interval }: RelativeError) -> Self {
+        Self { total, noise, bias, interval }
+    }
 }
 
 /// Noise, bias and error of the final image.
@@ -150,8 +157,8 @@ impl RenderResult {
     }
 
     /// Content of the image file: the image without denoising, the noise of each pixel (`rms`,
-    /// luminance, W/(m^2 sr)) if it is known, the layers of [`Self::layers`], and the settings and
-    /// the plan that repeat the image.
+    /// luminance, W/(m^2 sr)) if it is known, the layers of [`Self::layers`], the relative
+    /// error if it is known, and the settings and the plan that repeat the image.
     pub fn to_image_file(&self, selection: &LayerSelection) -> Image {
         let image = self.state.image();
         let pixels = image.mean();
@@ -165,6 +172,12 @@ impl RenderResult {
         let mut metadata = self.state.provenance.to_metadata();
         record(self.state.camera(), &mut metadata);
         metadata.insert("iterations".into(), Value::Number(image.iterations() as f64));
+        if let Some((rms, _)) = self.rms {
+            metadata.insert(POOLED_RMS.into(), Value::Number(rms));
+        }
+        if let Some(error) = self.error {
+            RecordedError::from(error).record(&mut metadata);
+        }
         let (width, height) = self.resolution;
         let mut file = Image { width, height, layers, metadata };
         self.plan.write_to(&mut file);

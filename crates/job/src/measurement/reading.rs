@@ -73,6 +73,11 @@ impl Reading {
         self.value.is_finite()
     }
 
+    /// Returns true if the uncertainty is known: a single iteration has none.
+    pub fn has_uncertainty(&self) -> bool {
+        self.expanded.is_finite()
+    }
+
     /// The reading, or an unknown one if no path contributed to it. No interval follows from
     /// nothing seen.
     #[must_use]

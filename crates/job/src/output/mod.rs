@@ -5,3 +5,4 @@ pub mod denoise;
 pub mod layers;
 pub mod merge;
 pub mod recorded_camera;
+pub mod recorded_error;
