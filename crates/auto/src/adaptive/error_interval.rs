@@ -11,7 +11,7 @@ const DEVIATIONS: f64 = 1.6449;
 /// Standard deviation of the squared noise that its statistics do not show, relative: of light that
 /// is too rare for them, and of a forecast, which assumes that times and variances stay as they
 /// are. Fixed by trial: docs/measurements/predictions.md.
-const UNSEEN_NOISE: [f64; 2] = [0.12, 0.22];
+const UNSEEN_NOISE: [f64; 2] = [0.2, 0.3];
 
 /// Standard deviation of the squared bias beside that of its estimate, relative: the bias at half
 /// of the radius is not measured.
