@@ -17,8 +17,8 @@ pub(super) const PREFIX: &str = "bdpm.";
 /// First bytes of every EXR file.
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// Content of an EXR file, by its header. Of several parts it is the first, which [`read_exr`]
-/// reads.
+/// Content of an EXR file, by its header. If there are several parts, it describes the first, which
+/// [`read_exr`] reads.
 ///
 /// [`read_exr`]: super::read_exr
 #[derive(Clone, Debug, PartialEq, Serialize)]
