@@ -315,7 +315,7 @@ fn deep_node_trees_load() {
     nodes.push(json!({ "mesh": 0 }));
     model.json["nodes"] = json!(nodes);
     let scene = model.load().scene;
-    assert_eq!(scene.bounds().min.z, 0.5 * depth as f32);
+    assert_eq!(scene.in_file(scene.bounds().min).z, 0.5 * f64::from(depth));
 }
 
 #[test]

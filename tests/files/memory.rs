@@ -66,7 +66,7 @@ fn bad_meshes_in_memory_are_refused() {
     let shown = refused(square(), "chlak", REST);
     assert!(shown.starts_with("folder/name: unknown material `chlak`"), "{shown}");
     let shown = refused(square(), "chalk", &format!("{REST}brightness = 1\n"));
-    assert!(shown.starts_with("folder/name:8: unknown key `brightness`"), "{shown}");
+    assert!(shown.starts_with("folder/name:12: unknown key `brightness`"), "{shown}");
 }
 
 #[test]

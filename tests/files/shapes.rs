@@ -2,6 +2,7 @@
 
 use crate::common::gltf::*;
 use bdpm::load::{export, load};
+use bdpm::scene::Mesh;
 use bdpm::scene::bsdf::{Bsdf, Glossy};
 use glam::Vec3;
 use serde_json::json;
@@ -90,7 +91,9 @@ fn specular_scales_the_reflectance() {
 
 /// Heights of the first vertices of all meshes.
 fn heights(model: &Model) -> Vec<f32> {
-    model.load().scene.copies().iter().map(|mesh| mesh.positions[0].z).collect()
+    let scene = model.load().scene;
+    let height = |mesh: &Mesh| scene.in_file(mesh.positions[0]).z as f32;
+    scene.copies().iter().map(height).collect()
 }
 
 #[test]

@@ -8,8 +8,12 @@ use super::warnings::Warning;
 use glam::DVec3;
 
 /// Distance of the center of a box from the origin, over its size, from which on it is far. At this
-/// distance a ray starts 3e-5 of the size off a surface.
-const FAR: f64 = 8.0;
+/// distance a ray starts 6e-5 of the size off a surface.
+const FAR: f64 = 16.0;
+
+/// The same for the file of a part of a scene, which may be small beside the scene. At this distance
+/// positions in single precision have steps of 2e-4 of its size.
+const FAR_PART: f64 = 4096.0;
 
 /// A box in double precision.
 #[derive(Clone, Copy, Debug)]
@@ -45,10 +49,19 @@ impl DBounds {
     /// multiples of a power of two that is at least the size of the box, so that positions relative
     /// to it keep all digits of those in the file.
     pub fn far_center(self) -> Option<DVec3> {
+        self.center_beyond(FAR)
+    }
+
+    /// The same for the file of a part of a scene.
+    pub fn far_center_of_part(self) -> Option<DVec3> {
+        self.center_beyond(FAR_PART)
+    }
+
+    fn center_beyond(self, far: f64) -> Option<DVec3> {
         let center = 0.5 * (self.low + self.high);
         let away = center.abs().max_element();
         let size = (self.high - self.low).max_element();
-        if !(size >= 0.0 && away.is_finite() && away > FAR * size) {
+        if !(size >= 0.0 && away.is_finite() && away > far * size) {
             return None;
         }
         let step = size.max(1e-9 * away).log2().ceil().exp2();
@@ -76,7 +89,9 @@ mod tests {
             DBounds::EMPTY.with(low.into()).with(high.into()).far_center()
         };
         let at = |x: f64| bounds([x, 0.0, 0.0], [x + 3.0, 2.0, 1.0]);
-        assert_eq!(at(20.0), None);
+        assert_eq!(at(40.0), None);
+        let part = DBounds::EMPTY.with(DVec3::splat(1e3)).with(DVec3::splat(1001.0));
+        assert!(part.far_center().is_some() && part.far_center_of_part().is_none());
         assert_eq!(at(1e6 - 1.25), Some(DVec3::new(1e6, 0.0, 0.0)));
         let tiny = bounds([1e3, 0.0, 0.0], [1e3 + 1e-3, 1e-3, 0.0]).unwrap();
         assert!((tiny - DVec3::new(1e3, 0.0, 0.0)).abs().max_element() < 1e-3, "{tiny}");

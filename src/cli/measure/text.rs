@@ -88,7 +88,7 @@ fn rows(text: &mut String, set: &SetReadings, width: usize) {
 
 /// A minimum or maximum in the columns of values and uncertainties.
 fn extreme_text(extreme: &Estimated, unit: &str) -> String {
-    if extreme.value.is_nan() {
+    if !extreme.value.is_finite() {
         return format!("{UNKNOWN:>11}");
     }
     let digits = digits_of(extreme.expanded);
@@ -103,7 +103,7 @@ fn extreme_text(extreme: &Estimated, unit: &str) -> String {
 
 /// A ratio with its uncertainty.
 fn ratio(own: &Estimated) -> String {
-    if own.value.is_nan() {
+    if !own.value.is_finite() {
         return UNKNOWN.to_owned();
     }
     format!("{:.3} +- {}", own.value, uncertainty(own.expanded, 3))

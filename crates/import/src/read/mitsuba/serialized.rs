@@ -78,7 +78,7 @@ fn parse(bytes: &[u8], index: usize) -> Parsed<SerializedShape> {
     let positions = list(3)?;
     let positions = positions.as_chunks::<3>().0.iter().copied().map(DVec3::from_array);
     let bounds = positions.clone().fold(DBounds::EMPTY, DBounds::with);
-    let origin = bounds.far_center().unwrap_or(DVec3::ZERO);
+    let origin = bounds.far_center_of_part().unwrap_or(DVec3::ZERO);
     let positions = positions.map(|point| (point - origin).as_vec3()).collect();
     let mut mesh = Mesh { positions, ..Mesh::default() };
     if flags & NORMALS != 0 {

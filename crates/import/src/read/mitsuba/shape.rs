@@ -337,7 +337,7 @@ fn curves(path: &Path, basis: CurveBasis, scale: f64) -> Result<(Mesh, DVec3)> {
         curves.push(std::mem::take(&mut points));
     }
     let all = curves.iter().flatten().map(|point| point.truncate());
-    let center = all.fold(DBounds::EMPTY, DBounds::with).far_center();
+    let center = all.fold(DBounds::EMPTY, DBounds::with).far_center_of_part();
     let origin = center.unwrap_or(DVec3::ZERO);
     let mut mesh = Mesh::default();
     for mut points in curves {

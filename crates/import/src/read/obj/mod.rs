@@ -97,7 +97,7 @@ pub fn load(path: &Path) -> Result<ObjFile> {
     let text = read_lines(path)?;
     let mut dialect = Dialect::default();
     let (mut normalized, mut models) = rewritten(path, &text, dialect)?;
-    let center = normalized.bounds.far_center();
+    let center = normalized.bounds.far_center_of_part();
     if normalized.has_colors || center.is_some() {
         let origin = center.unwrap_or(DVec3::ZERO);
         dialect = Dialect { is_colored: normalized.has_colors, origin };

@@ -184,7 +184,7 @@ impl Params {
         let points = self.tuples::<3>(name)?.copied().map(DVec3::from_array);
         let points: Vec<DVec3> = points.collect();
         let bounds = points.iter().copied().fold(DBounds::EMPTY, DBounds::with);
-        let origin = bounds.far_center().unwrap_or(DVec3::ZERO);
+        let origin = bounds.far_center_of_part().unwrap_or(DVec3::ZERO);
         Ok((points.iter().map(|point| (*point - origin).as_vec3()).collect(), origin))
     }
 

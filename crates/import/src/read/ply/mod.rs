@@ -85,7 +85,7 @@ struct Loader<'a> {
 /// Names the file and its problem, and the line of a text.
 pub fn read(path: &Path, wanted: PlyUse) -> Result<PlyFile> {
     let (file, bounds) = read_relative(path, wanted, DVec3::ZERO)?;
-    match bounds.far_center() {
+    match bounds.far_center_of_part() {
         Some(center) => Ok(read_relative(path, wanted, center)?.0),
         None => Ok(file),
     }
