@@ -51,6 +51,14 @@ PLANTED = {
 }
 
 
+NAMES = ["right", *PLANTED]
+
+
+def row(name, scene, verdicts):
+    cells = [str(verdicts[verdict]) for verdict in ("wrong", "right", "undecided")]
+    print(f"| {name} | {pathlib.Path(scene).name} | {sum(verdicts.values())} | {' | '.join(cells)} |", flush=True)
+
+
 def run(options, *arguments):
     command = [options.bdpm, *map(str, arguments), "--threads", str(options.threads), "--json"]
     # The status says what the verdict is, too
@@ -73,8 +81,9 @@ def main():
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("scenes", nargs="*")
     options = parser.parse_args()
-    scenes = options.scenes or ["scenes/cornell-box", "scenes/caustic-sphere", "scenes/office", "scenes/daylight", "scenes/media"]
+    scenes = options.scenes or ["scenes/cornell-box", "scenes/caustic-sphere", "scenes/office", "scenes/daylight", "scenes/keyhole"]
     verdicts = collections.defaultdict(collections.Counter)
+    print("| images | scene | judged | wrong | right | undecided |\n|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         for scene in scenes:
@@ -89,13 +98,10 @@ def main():
                     for path, changed in zip(pair, planted):
                         write(changed, plant(read(path)))
                     verdicts[name, scene][judge(options, planted, scene, number + 1)] += 1
-    print("| images | scene | judged | wrong | right | undecided |\n|---|---|---|---|---|---|")
-    names = ["right", *PLANTED]
-    for name in names:
-        total = sum((verdicts[name, scene] for scene in scenes), collections.Counter())
-        for scene, own in [*((scene, verdicts[name, scene]) for scene in scenes), ("all", total)]:
-            cells = [str(own[verdict]) for verdict in ("wrong", "right", "undecided")]
-            print(f"| {name} | {pathlib.Path(scene).name} | {sum(own.values())} | {' | '.join(cells)} |")
+            for name in NAMES:
+                row(name, scene, verdicts[name, scene])
+    for name in NAMES:
+        row(name, "all", sum((verdicts[name, scene] for scene in scenes), collections.Counter()))
 
 
 if __name__ == "__main__":

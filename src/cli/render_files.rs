@@ -19,7 +19,7 @@ use bdpm::output::denoise;
 use bdpm::output::denoise::Denoised;
 use bdpm::output::layers::{LayerName, LayerSelection};
 use bdpm::output::recorded_camera::record;
-use bdpm::output::recorded_error::{POOLED_RMS, RecordedError};
+use bdpm::output::recorded_error::{RecordedError, record_pooled_rms};
 use bdpm::render::accumulators::SharedStatistics;
 use bdpm::render::block::CombinedImage;
 use bdpm::settings::Crop;
@@ -257,7 +257,7 @@ impl Writer {
         let iterations = Value::Number(combined.iterations() as f64);
         metadata.insert("iterations".into(), iterations);
         if let Some((variance, _)) = combined.pooled_variance() {
-            metadata.insert(POOLED_RMS.into(), Value::Number(variance.sqrt()));
+            record_pooled_rms(&mut metadata, variance.sqrt());
         }
         if self.outputs.false_color.is_some() {
             let efficacy = Value::Number(f64::from(LUMENS_PER_WATT));

@@ -313,6 +313,8 @@ impl Estimates<'_> {
         let audit: Vec<_> = tiles.iter().map(|tile| [tile.audit_variance]).collect();
         let pooled = pooled.into_iter().zip(box_filter(&audit, width, height));
         let score = |(tile, ([image], [around])): (&Tile, ([f64; 1], [f64; 1]))| {
+            // One bright path in one half is no fault of both.
+            let image = image.max(tile.image_variance);
             let difference = tile.difference();
             let excess = (difference.abs() - tile.tolerance).max(0.0);
             let error = (0.5 * tile.audit_variance.max(around) + image).sqrt()

@@ -7,7 +7,7 @@ use super::step::Step;
 use crate::output::denoise;
 use crate::output::layers::LayerSelection;
 use crate::output::recorded_camera::record;
-use crate::output::recorded_error::{POOLED_RMS, RecordedError};
+use crate::output::recorded_error::{RecordedError, record_pooled_rms};
 use bdpm_auto::adaptive::error_interval::{ErrorInterval, SquaredPart};
 use bdpm_auto::adaptive::plan::Plan;
 use bdpm_auto::adaptive::stopping::{Convergence, StoppedBy, importance};
@@ -173,7 +173,7 @@ impl RenderResult {
         record(self.state.camera(), &mut metadata);
         metadata.insert("iterations".into(), Value::Number(image.iterations() as f64));
         if let Some((rms, _)) = self.rms {
-            metadata.insert(POOLED_RMS.into(), Value::Number(rms));
+            record_pooled_rms(&mut metadata, rms);
         }
         if let Some(error) = self.error {
             RecordedError::from(error).record(&mut metadata);

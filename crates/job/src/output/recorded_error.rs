@@ -16,6 +16,11 @@ const INTERVAL: [&str; 2] = ["relative error at least", "relative error at most"
 /// Attribute with the RMS of the noise, pooled over all pixels: luminance, W/(m^2 sr).
 pub const POOLED_RMS: &str = "pooled rms";
 
+/// Adds the pooled RMS in single precision: parts of an image add up in another order than a whole.
+pub fn record_pooled_rms(metadata: &mut Metadata, rms: f64) {
+    metadata.insert(POOLED_RMS.into(), Value::Number(f64::from(rms as f32)));
+}
+
 /// Relative RMS error that an image states about itself.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RecordedError {
