@@ -33,7 +33,8 @@ fn automatic_image_states_its_error_audit_and_plan() {
     assert_eq!(own["error"], report["error"], "{info}");
     assert!(own["error"]["interval"]["high"].as_f64().unwrap() > 0.0, "{info}");
     let rms = own["rms"].as_f64().unwrap() / report["rms"].as_f64().unwrap();
-    assert!((rms - 1.0).abs() < 1e-9, "{info}");
+    // It is recorded in single precision.
+    assert!((rms - 1.0).abs() < 1e-6, "{info}");
     assert_eq!(own["audit"].is_null(), report["audit"].is_null(), "{info}");
     if !own["audit"].is_null() {
         assert_eq!(own["audit"]["verdict"], report["audit"]["verdict"]);

@@ -130,6 +130,6 @@ mod tests {
         };
         assert_eq!(labels([90.0, 2e4]), ["100", "1000", "10000"]);
         assert_eq!(labels([900.0, 2e5]), ["1e3", "1e4", "1e5"]);
-        assert!(labels([1.1e5, 2.6e5]).contains(&"1.5e5".to_owned()));
+        assert!(labels([1.1e5, 2.6e5]).contains(&"1.4e5".to_owned()));
     }
 }

@@ -235,7 +235,7 @@ mod tests {
             let error = write_atomically(&path, |file| file.write_all(b"new")).unwrap_err();
             let shown = error.to_string();
             assert!(shown.contains(name) && shown.contains(problem), "{shown}");
-            assert!(!shown.contains(TEMPORARY[1]), "{shown}");
+            assert!(!shown.contains(TEMPORARY[0]), "{shown}");
         }
         assert_eq!(names(folder.path()), ["file"]);
     }
