@@ -141,11 +141,11 @@ impl RenderJob {
         let (end, denoises) = (pilot_end(&run.stop), run.denoising.is_some());
         let (chosen, may_revise) =
             threads.install(|| technique::choose(&renderer, free, end, denoises))?;
+        let noise = may_revise.noise_before_denoising();
         // Workers know only the settings of the start.
         run.revision = (free.any() && is_alone).then_some(may_revise);
         provenance.settings = chosen.apply(&provenance.settings);
         run.stop = run.stop.with_pilot_bias2(chosen.best().bias.powi(2));
-        let noise = chosen.best().noise;
         if let (Some(time), Some(unused)) = (&mut run.stop.time, &run.denoising)
             && !unused.can_pay(noise)
         {

@@ -73,6 +73,8 @@ pub struct Best {
     bias2: f64,
     bias2_error: f64,
     times: TimeModel,
+    /// Variance before denoising over the variance that counts.
+    before_denoising: f64,
     /// Whether a trial has measured the technique at these radii.
     pub tried: bool,
 }
@@ -135,6 +137,7 @@ impl CandidateCost {
                 bias2: left.bias,
                 bias2_error: merged.iter().map(|m| m.error * m.error).sum::<f64>().sqrt(),
                 times: *times,
+                before_denoising: 1.0,
                 tried: false,
             };
             if best.is_none_or(|best| own.rank(self) < best.rank(self)) {
@@ -164,8 +167,26 @@ impl CandidateCost {
         }
     }
 
+    /// The best counts for the noise that counts, from the coefficients of the image.
+    pub fn evaluate_image(
+        &self,
+        technique: Technique,
+        image: &Coefficients,
+        times: &TimeModel,
+        merged: &ByClass<ClassBias>,
+        radii: ByClass<f64>,
+    ) -> Best {
+        let counts = self.noise_that_counts(technique, *image);
+        let best = self.evaluate(&counts, times, merged, radii);
+        let variance = |own: &Coefficients| {
+            own.clamped().variance(best.light_paths, f64::from(best.camera_paths))
+        };
+        let more = variance(image) / variance(&counts);
+        Best { before_denoising: if more >= 1.0 { more } else { 1.0 }, ..best }
+    }
+
     /// Coefficients of the noise that counts, from those of the image.
-    pub fn noise_that_counts(&self, technique: Technique, noise: Coefficients) -> Coefficients {
+    fn noise_that_counts(&self, technique: Technique, noise: Coefficients) -> Coefficients {
         match self.denoises {
             true => left_by_denoiser(technique.strategy, technique.merge_vertex, noise),
             false => noise,
@@ -258,6 +279,11 @@ impl Best {
             tried,
             penalties,
         }
+    }
+
+    /// Noise of the image before it is denoised, relative.
+    pub fn noise_before_denoising(&self) -> f64 {
+        (self.noise2 * self.before_denoising).sqrt()
     }
 
     /// Times of an iteration of the image.

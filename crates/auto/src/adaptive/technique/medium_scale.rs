@@ -165,7 +165,8 @@ impl Pilot<'_> {
             let (coefficients, times) = (scales.coefficients(scale), scales.times(scale));
             let merged = scales.merged(scale);
             let demand = CandidateCost { medium_scale: scale, ..self.demand };
-            let mut own = demand.evaluate(&coefficients, &times, &merged, best.radii);
+            let mut own =
+                demand.evaluate_image(model.technique, &coefficients, &times, &merged, best.radii);
             own.tried = best.tried;
             own
         };

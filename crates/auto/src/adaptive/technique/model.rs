@@ -207,8 +207,9 @@ impl Model {
             for &every in every {
                 let mut radii = [last; 2];
                 radii[EVERY] = every;
-                let own = demand.evaluate(
-                    &demand.noise_that_counts(self.technique, self.coefficients(radii)),
+                let own = demand.evaluate_image(
+                    self.technique,
+                    &self.coefficients(radii),
                     &self.times(radii),
                     &self.merged(radii),
                     radii,
@@ -272,8 +273,9 @@ impl Model {
         } else {
             own
         };
-        let coefficients = demand.noise_that_counts(self.technique, coefficients);
-        let mut best = demand.evaluate(&coefficients, &trial.times, &self.merged(radii), radii);
+        let merged = self.merged(radii);
+        let mut best =
+            demand.evaluate_image(self.technique, &coefficients, &trial.times, &merged, radii);
         best.tried = true;
         best
     }

@@ -89,6 +89,11 @@ impl Revision {
         Self { finalists, demand, scale, checks: 0 }
     }
 
+    /// Predicted noise of the choice before it is denoised, relative.
+    pub fn noise_before_denoising(&self) -> f64 {
+        self.finalists[0].best.noise_before_denoising()
+    }
+
     /// Whether the choice should be checked. `expected_left` is the forecast of the time that is
     /// left, seconds.
     pub fn is_due(&self, renderer: &Renderer, done: f64, expected_left: f64) -> bool {
