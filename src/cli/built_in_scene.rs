@@ -58,7 +58,7 @@ mod tests {
     #[test]
     fn built_in_scene_is_that_of_the_repository() {
         let scene = BuiltInScene::new().unwrap();
-        let own = load(&scene.path()).unwrap().scene;
+        let own = load(scene.path()).unwrap().scene;
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box");
         let other = load(&path).unwrap().scene;
         assert_eq!((own.fingerprint(), &own.name), (other.fingerprint(), &other.name));

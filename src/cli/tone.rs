@@ -68,9 +68,9 @@ struct Gray {
 pub fn run(args: &Args) -> Result<String> {
     let output = [Output::new("OUT.png", &args.output, Some("png"))];
     outputs::check(&output)?;
-    let (image, layer) = read(&args.image, args.layer.as_deref())?;
+    let shown = read(&args.image, args.layer.as_deref())?;
     outputs::spare_inputs(&output)?;
-    let (width, height, mut pixels) = image;
+    let Shown { name: layer, size: (width, height), mut pixels } = shown;
     let broken = pixels.iter().filter(|pixel| !pixel.is_finite()).count();
     if broken > 0 {
         say(&format!("note: {broken} pixels are not finite, and may become black"));
@@ -96,9 +96,16 @@ pub fn run(args: &Args) -> Result<String> {
     Ok(if args.json { json(&report) } else { text(&report) })
 }
 
-/// Width, height and pixels of a layer, and its name. Images of this program are their data window,
+/// A layer of an image.
+struct Shown {
+    name: String,
+    size: (u32, u32),
+    pixels: Vec<Rgb>,
+}
+
+/// Reads a layer. Images of this program are their data window,
 /// as their previews are; those of other programs their display window.
-fn read(path: &Path, layer: Option<&str>) -> Result<((u32, u32, Vec<Rgb>), String)> {
+fn read(path: &Path, layer: Option<&str>) -> Result<Shown> {
     let is_exr = path.extension().is_some_and(|own| own.eq_ignore_ascii_case("exr"));
     if !is_exr {
         if let Some(layer) = layer {
@@ -106,13 +113,13 @@ fn read(path: &Path, layer: Option<&str>) -> Result<((u32, u32, Vec<Rgb>), Strin
             return Err(Error::new(problem, "leave out --layer").at(path));
         }
         let read = read_radiance(path)?;
-        return Ok(((read.size.0, read.size.1, read.pixels), IMAGE.into()));
+        return Ok(Shown { name: IMAGE.into(), size: read.size, pixels: read.pixels });
     }
     let is_ours = image_io::read_exr_summary(path)?.is_ours();
     let image = if is_ours { read_exr(path)? } else { read_exr_display(path)? };
     let (name, pixels) = shown(&image, layer).map_err(|error| error.at(path))?;
     let name = if name.is_empty() { IMAGE } else { name };
-    Ok(((image.width, image.height, pixels), name.to_owned()))
+    Ok(Shown { name: name.to_owned(), size: (image.width, image.height), pixels })
 }
 
 /// Name and colors of the layer to show. A layer of one channel is gray.
