@@ -4,6 +4,7 @@ import ast
 import inspect
 import re
 from pathlib import Path
+from typing import Any
 
 import bdpm
 import pytest
@@ -41,13 +42,14 @@ def test_stubs_have_the_keywords_of_the_extension() -> None:
         return found.union(*(keys(base) for base in bases if base in classes))
 
     scene = bdpm.load(ROOT / "scenes/cornell-box")
-    for function, stub, more in [
+    functions: list[tuple[Any, set[str], set[str]]] = [
         (_bdpm.start, keys("RenderOptions"), set()),
         (_bdpm.analyze, keys("AnalyzeOptions"), {"progress"}),
         (_bdpm.calibrate, keys("_JobOptions"), {"time"}),
-    ]:
+    ]
+    for function, stub, more in functions:
         with pytest.raises(TypeError, match="unknown keyword `tme`") as error:
-            function(scene, tme=3)  # type: ignore[call-arg]
+            function(scene, tme=3)
         known = str(error.value).split("use one of ")[1].split(", ")
         assert set(known) == stub | more, function
         own = set(inspect.signature(function).parameters) - {"scene", "settings"}
