@@ -411,7 +411,7 @@ def glare(
     *,
     projection: str = "equidistant",
     fov: float = 180.0,
-    threshold: float = 2000.0,
+    threshold: float = ...,
     peak: float = 50000.0,
     search_angle: float = 0.2,
 ) -> dict[str, Any]: ...

@@ -21,7 +21,7 @@ def floor(**more: Any) -> bdpm.Scene:
 
 def test_meters_have_the_inverse_square_law_and_their_places() -> None:
     lamp = {"type": "point", "name": "lamp", "position": (0, 2, 0), "candela": 1000}
-    meters = [
+    meters: list[dict[str, Any]] = [
         {"name": "center", "position": (0, 0, 0), "normal": (0, 1, 0)},
         {
             "name": "grid", "corner": (-1, 0, -1), "edges": ((2, 0, 0), (0, 0, 2)), "normal": (0, 1, 0),
