@@ -412,7 +412,7 @@ def glare(
     projection: str = "equidistant",
     fov: float = 180.0,
     threshold: float = ...,
-    peak: float = 50000.0,
-    search_angle: float = 0.2,
+    peak: float = ...,
+    search_angle: float = ...,
 ) -> dict[str, Any]: ...
 def read_exr(path: str | PathLike[str]) -> dict[str, NDArray[np.float32]]: ...
