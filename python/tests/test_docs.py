@@ -11,7 +11,7 @@ import pytest
 from bdpm import _bdpm
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = ["README.md", "python/README.md", "docs/tutorials/python.md"]
+PAGES = ["python/README.md", "docs/tutorials/python.md"]
 
 
 def blocks(page: str) -> list[str]:
