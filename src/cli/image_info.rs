@@ -185,7 +185,7 @@ impl Rows {
         }
     }
 
-    fn add_origin(&mut self, origin: &Origin) {
+    fn add_origin(&mut self, origin: &Origin, is_denoised: bool) {
         let Origin { scene, fingerprint, camera, backend, iterations, .. } = origin;
         if let (Some(scene), Some(fingerprint)) = (scene, fingerprint) {
             self.add("scene", format!("{scene} (fingerprint {fingerprint})"));
@@ -201,14 +201,15 @@ impl Rows {
         for step in origin.plan.iter().flatten() {
             self.add("counts", step.text(&origin.settings));
         }
-        self.add_error(origin);
+        self.add_error(origin, is_denoised);
         for (name, value) in &origin.settings {
             let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
             self.add(&name.replace('_', " "), value);
         }
     }
 
-    fn add_error(&mut self, origin: &Origin) {
+    /// The stated error is that of the image itself, not that of its denoised layer.
+    fn add_error(&mut self, origin: &Origin, is_denoised: bool) {
         let percent = |share: f64| format!("{:.2} %", 100.0 * share);
         let error = match origin.error {
             Some(RecordedError { total, noise, bias, interval }) => format!(
@@ -220,7 +221,8 @@ impl Rows {
             ),
             None => "not stated: only finished automatic renders state it".into(),
         };
-        self.add("relative error", error);
+        let of = if is_denoised { ", before denoising" } else { "" };
+        self.add("relative error", format!("{error}{of}"));
         if let Some(rms) = origin.rms {
             self.add("noise", format!("pooled RMS {rms:.4}, as luminance"));
         }
@@ -252,7 +254,9 @@ fn text(report: &ImageReport) -> String {
     let mut rows = Rows::default();
     rows.add_file(report);
     match &report.bdpm {
-        Some(origin) => rows.add_origin(origin),
+        Some(origin) => {
+            rows.add_origin(origin, report.layers.iter().any(|layer| layer.name == "denoised"));
+        }
         None => rows.add("origin", "another program: it states neither settings nor error"),
     }
     rows.0

@@ -11,8 +11,8 @@ use glam::DVec3;
 /// distance a ray starts 6e-5 of the size off a surface.
 const FAR: f64 = 16.0;
 
-/// The same for the file of a part of a scene, which may be small beside the scene. At this
-/// distance positions in single precision have steps of 2e-4 of its size.
+/// Distance from which on the file of a part of a scene is far: parts may be small beside the
+/// scene. At this distance positions in single precision have steps of 2e-4 of its size.
 const FAR_PART: f64 = 4096.0;
 
 /// A box in double precision.
@@ -52,7 +52,7 @@ impl DBounds {
         self.center_beyond(FAR)
     }
 
-    /// The same for the file of a part of a scene.
+    /// A point near the center as [`Self::far_center`], for the file of a part of a scene.
     pub fn far_center_of_part(self) -> Option<DVec3> {
         self.center_beyond(FAR_PART)
     }

@@ -148,8 +148,7 @@ pub struct Glare {
     pub ugr: Option<f64>,
     /// Vertical illuminance at the eye, lx.
     pub vertical_illuminance: f64,
-    /// Half of the width of the intervals in which the ratings and the illuminance of the image
-    /// without noise lie with a probability of 95 %; `None` if the noise of its pixels is unknown.
+    /// Uncertainties by the noise of the image; `None` if that of its pixels is unknown.
     pub expanded: Option<Expanded>,
     /// Luminance of the background that gives the illuminance at the eye without the sources,
     /// cd/m^2.
@@ -161,11 +160,11 @@ pub struct Glare {
 /// Expanded uncertainties of the noise of an image, at a probability of 95 %.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Expanded {
-    /// Of the daylight glare probability.
+    /// Uncertainty of the daylight glare probability.
     pub dgp: f64,
-    /// Of the unified glare rating; `None` without a rating.
+    /// Uncertainty of the unified glare rating; `None` without a rating.
     pub ugr: Option<f64>,
-    /// Of the vertical illuminance, lx.
+    /// Uncertainty of the vertical illuminance, lx.
     pub vertical_illuminance: f64,
 }
 

@@ -71,8 +71,8 @@ impl Accumulate for FoldSums {
 /// class.
 ///
 /// Caustics have edges. The share of a disc beyond a straight edge at the distance `s r` is
-/// `F(s) = (acos s - s sqrt(1 - s^2))/pi`, so that the mean squares over all `s` of the bias at the
-/// radius, of the annulus, and at half the radius are as .0681 to .0157 to .0341. The last over the
+/// `F(s) = (acos s - s sqrt(1 - s^2))/pi`. The mean squares over all `s` of the bias at the radius,
+/// of the annulus, and at half the radius are then as .0681 to .0157 to .0341. The last over the
 /// second is 1.47 squared, the first over the second `(1 + 1.08)` squared: the value is between.
 /// That of the disc kernel is fitted to renders with known bias. A disc at a distance of less than
 /// the radius from an edge loses a part that does not depend on the radius. The other value follows

@@ -138,6 +138,19 @@ fn squares_of_a_fault_are_unbiased_whatever_the_noise() {
     check(Noise { image: 0.1, audit: 0.2, shared: 1 }, true, 0.03);
 }
 
+/// A bright path stays in one half, a fault is in both.
+#[test]
+fn a_bright_path_in_one_half_is_no_region_and_a_fault_is() {
+    let regions = |faulty: [bool; 2]| {
+        let mut example = Example::new(1, NOISE, |_, _| 1.0);
+        for (image, _) in example.image.iter_mut().zip(faulty).filter(|(_, is)| *is) {
+            image[10 * 64 + 32] += 100.0;
+        }
+        Difference::new(&example.halves()).unwrap().regions(0.01).len()
+    };
+    assert_eq!([[false, false], [true, false], [true, true]].map(regions), [0, 0, 1]);
+}
+
 #[test]
 fn equal_estimates_are_hardly_ever_significant_and_a_leak_is() {
     let alarms = |fault: f64| {

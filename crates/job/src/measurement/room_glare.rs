@@ -68,12 +68,13 @@ pub struct LuminaireGlare {
 #[derive(Clone, Copy, Debug, Default)]
 struct Integrals {
     solid_angle: f64,
-    /// Of the luminance.
+    /// Integral of the luminance.
     flux: f64,
-    /// Of the luminance times the cosine.
+    /// Integral of the luminance times the cosine.
     illuminance: f64,
-    /// Of the square of the luminance, and of that over the square of the position index.
+    /// Integral of the squared luminance.
     square: f64,
+    /// Integral of the squared luminance over the squared position index.
     glare: f64,
 }
 

@@ -301,6 +301,7 @@ impl Best {
 pub mod tests {
     use super::*;
     use crate::adaptive::count_choice::MIN_ITERATIONS_AFTER_CHOICE;
+    use bdpm_core::settings::{Direct, Kernel, Strategy};
 
     /// Times of an iteration for the tests of this folder.
     pub fn times() -> TimeModel {
@@ -319,6 +320,31 @@ pub mod tests {
             requested: [1.0; 2],
             medium_scale: 2.0,
             denoises: false,
+        }
+    }
+
+    #[test]
+    fn noise_before_denoising_is_that_of_the_image() {
+        let image = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
+        let merged = <ByClass<ClassBias>>::default();
+        let technique = Technique {
+            strategy: Strategy::Single,
+            merge_vertex: 2,
+            direct: Direct::Connect,
+            kernel: Kernel::Area,
+            splitting: 1,
+            medium_query: None,
+        };
+        let seconds = 100.0;
+        for denoises in [false, true] {
+            let demand = CandidateCost { denoises, ..demand(End::Time(seconds)) };
+            let best = demand.evaluate_image(technique, &image, &times(), &merged, [1.0; 2]);
+            let (n_light, n_camera) = (best.light_paths, f64::from(best.camera_paths));
+            let share = times().iteration(n_light, n_camera) / seconds;
+            let expected = (share * image.variance(n_light, n_camera)).sqrt();
+            let own = best.noise_before_denoising();
+            assert!((own / expected - 1.0).abs() < 1e-9, "{own} {expected}");
+            assert_eq!(best.noise2.sqrt() < 0.9 * own, denoises);
         }
     }
 

@@ -294,11 +294,6 @@ impl Technique {
     fn merges(self) -> bool {
         self.strategy.has_photons()
     }
-
-    /// Tests whether photons are merged where they are seen, so that neighboring pixels share them.
-    pub fn merges_at_first(self) -> bool {
-        self.strategy.weighs_merges() || self.merge_vertex == 1
-    }
 }
 
 /// Factor on the continuations of light paths whose first hits are not merged. In

@@ -1,13 +1,13 @@
 //! Penalties of candidates, which their predicted errors do not contain.
 
 use super::Technique;
+use crate::adaptive::denoised_noise::shares_photons;
 use bdpm_core::settings::Strategy;
 use serde::{Deserialize, Serialize};
 
 /// Penalty on the squared error of techniques that find lamps in rough surfaces only by random
-/// sampling, because short trials miss most of that light. In the scene `veach-mis`
-/// (docs/measurements/mitsuba-equal-time.md) one of them was predicted 11 % relative error and had
-/// 77 %.
+/// sampling, because short trials miss most of that light. In the public scene `veach-mis` one of
+/// them was predicted 11 % relative error and had 77 %.
 const RARE_LIGHT_PENALTY: f64 = 4.0;
 
 /// Penalty on the squared error of techniques that merge: near ties go to path tracing, which has
@@ -16,9 +16,9 @@ const RARE_LIGHT_PENALTY: f64 = 4.0;
 /// (docs/measurements/interiors.md).
 const MERGING_PENALTY: f64 = 1.4;
 
-/// The same for an image that is denoised, where pixels share the photons that are merged. Short
-/// trials see few of the photons that make spots: in scenes/materials, mixed techniques were
-/// predicted 5 % and had 8 %, final gathering 6 % and 4 % (docs/measurements/denoising.md).
+/// Penalty of merging where an image is denoised and pixels share the photons. Short trials see few
+/// of the photons that make spots: in scenes/materials, `mis` was predicted 5 % and had 8 %, final
+/// gathering 6 % and 4 % (docs/measurements/denoising.md).
 const SHARED_PHOTONS_PENALTY: f64 = 2.0 * MERGING_PENALTY;
 
 /// Factors on the squared error of a candidate where candidates are compared. A factor of 1 is no
@@ -45,8 +45,9 @@ impl Penalties {
     /// denoised.
     pub(super) fn of(technique: Technique, mirrors_lamps_roughly: bool, denoises: bool) -> Self {
         let is_rare = technique.strategy == Strategy::Single && mirrors_lamps_roughly;
+        let is_shared = shares_photons(technique.strategy, technique.merge_vertex);
         let merging = match technique.merges() {
-            true if denoises && technique.merges_at_first() => SHARED_PHOTONS_PENALTY,
+            true if denoises && is_shared => SHARED_PHOTONS_PENALTY,
             true => MERGING_PENALTY,
             false => 1.0,
         };
