@@ -1,6 +1,6 @@
 //! Diffuse vertices of sixteen paths at a time.
 
-use super::LightSamples;
+use super::{LightSamples, Receivers};
 use crate::base::math::{Rgb, cosine_hemisphere};
 use crate::simd::{LANES, Mask, Rngs, Vec3s};
 use glam::Vec3;
@@ -74,6 +74,12 @@ impl DiffuseVertices {
             self.emission = Vec3s::default();
             self.any_emits = false;
         }
+    }
+
+    /// The vertices as receivers of light.
+    #[inline(always)]
+    pub fn receivers(&self) -> Receivers<'_> {
+        Receivers { active: &self.active, position: &self.position, normal: &self.normal }
     }
 
     /// Adds the vertex of a path that has none.

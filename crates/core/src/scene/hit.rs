@@ -1,5 +1,6 @@
 //! Surfaces at hits, and Lambertian materials in the layout that hits read.
 
+use super::coated_hits::coated_base;
 use super::diffuse::{DiffuseVertices, TriangleSide};
 use super::normal_map::Tangent;
 use super::transform::Transform;
@@ -8,6 +9,7 @@ use super::{Corners, Material, Placement, Scene, Surface, Triangle};
 use crate::accel::{Hit, HitPacket, Ray};
 use crate::base::math::Rgb;
 use crate::scene::bsdf::Bsdf;
+use crate::scene::bsdf::coats::CoatedBase;
 use crate::simd::dispatch::{Simd, transpose_rows};
 use crate::simd::{LANES, Mask, Vec3s, any, bits, lanes_of};
 use bytemuck::{Pod, Zeroable};
@@ -21,6 +23,8 @@ pub struct NotLambertian {
     pub missed: u32,
     /// Rays that hit another surface.
     pub others: u32,
+    /// Those of `others` that hit materials of [`Scene::coated_vertices`].
+    pub coated: u32,
 }
 
 /// Scratch memory for the data of surfaces that are hit.
@@ -33,15 +37,15 @@ pub struct HitScratch {
 /// Sixteen [`Triangle`]s.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C, align(64))]
-struct Triangles {
-    origin: Vec3s,
-    edge1: Vec3s,
-    edge2: Vec3s,
-    normal: Vec3s,
-    offset: [f32; LANES],
-    material: [u32; LANES],
+pub(super) struct Triangles {
+    pub origin: Vec3s,
+    pub edge1: Vec3s,
+    pub edge2: Vec3s,
+    pub normal: Vec3s,
+    pub offset: [f32; LANES],
+    pub material: [u32; LANES],
     area: [f32; LANES],
-    corners: [u32; LANES],
+    pub corners: [u32; LANES],
 }
 
 /// Sixteen [`Lambertian`] materials.
@@ -69,7 +73,7 @@ impl Scene {
         let (Some(first_of_all), Some(last_mesh)) =
             (self.triangles.first(), self.first_triangle.len().checked_sub(1))
         else {
-            return NotLambertian { missed: (1 << count) - 1, others: 0 };
+            return NotLambertian { missed: (1 << count) - 1, ..NotLambertian::default() };
         };
         let is_hit: Mask = from_fn(|lane| (lane < count) & (hits.mesh[lane] as usize <= last_mesh));
         // Hits are unpredictable: to avoid branches, rays that miss read the first triangle.
@@ -86,11 +90,14 @@ impl Scene {
         transpose_rows(simd, &materials, material);
         at.mesh = hits.mesh;
         let mut emits = Mask::default();
+        let mut is_coated = Mask::default();
         for lane in 0..LANES {
             let is_flat = triangle.corners[lane] == Triangle::FLAT;
             let flags = material.flags[lane];
             let is_lambertian = is_hit[lane] & is_flat & (flags & Lambertian::IS_LAMBERTIAN != 0);
             at.active[lane] = is_lambertian;
+            is_coated[lane] =
+                is_hit[lane] & !is_lambertian & (flags & Lambertian::IS_COATED_BASE != 0);
             emits[lane] = is_lambertian & (flags & Lambertian::EMITS != 0);
             // The arithmetic of `Triangle::point` and `shade`.
             let front = triangle.normal.get(lane).dot(directions.get(lane)) <= 0.0;
@@ -109,7 +116,8 @@ impl Scene {
             self.set_emission(&triangles, &emits, at);
         }
         let (is_hit, lambertian) = (bits(&is_hit), bits(&at.active));
-        NotLambertian { missed: !is_hit & ((1 << count) - 1), others: is_hit & !lambertian }
+        let missed = !is_hit & ((1 << count) - 1);
+        NotLambertian { missed, others: is_hit & !lambertian, coated: bits(&is_coated) }
     }
 
     /// Sets the emission of the lanes of `emits`.
@@ -189,7 +197,7 @@ impl Scene {
             uv: None,
             tangent: None,
         };
-        let Some(Corners { normals, uvs }) = corners else {
+        let Some(Corners { normals, uvs, .. }) = corners else {
             return flat;
         };
         let interpolated = (*normals != [triangle.normal; 3])
@@ -251,7 +259,7 @@ impl Corners {
     /// The corners in another space, where the triangle has this normal.
     fn moved(&self, transform: &Transform, normal: Vec3) -> Self {
         let normals = self.normals.map(|own| to_front(transform.normal(own), normal));
-        Self { normals: transform.ordered(normals), uvs: transform.ordered(self.uvs) }
+        Self::new(transform.ordered(normals), transform.ordered(self.uvs))
     }
 }
 
@@ -260,8 +268,8 @@ impl Corners {
 #[repr(C)]
 pub(super) struct Lambertian {
     albedo: Rgb,
-    /// Properties of the material, one bit each; without [`Self::IS_LAMBERTIAN`] the rest means
-    /// nothing.
+    /// Properties of the material, one bit each; without [`Self::IS_LAMBERTIAN`], all but
+    /// [`Self::IS_COATED_BASE`] mean nothing.
     flags: u32,
 }
 
@@ -269,17 +277,22 @@ impl Lambertian {
     const IS_LAMBERTIAN: u32 = 1;
     const TWO_SIDED: u32 = 2;
     const EMITS: u32 = 4;
+    /// [`coated_base`](super::coated_hits::coated_base) has the material, whether it is Lambertian
+    /// or not.
+    const IS_COATED_BASE: u32 = 8;
 
     pub fn of(material: &Material) -> Self {
-        let Bsdf::Lambertian { albedo, two_sided } = material.bsdf else { return Self::default() };
+        let is_base = coated_base(material).flags & CoatedBase::IS_BASE != 0;
+        let base = Self { flags: Self::IS_COATED_BASE * u32::from(is_base), ..Self::default() };
+        let Bsdf::Lambertian { albedo, two_sided } = material.bsdf else { return base };
         // Its emission depends on the direction.
         if material.luminous_opening.is_some() {
-            return Self::default();
+            return base;
         }
         let emits = material.emission != Rgb::ZERO;
         let flag = |flag: u32, is_set: bool| flag * u32::from(is_set);
         let flags = flag(Self::TWO_SIDED, two_sided) | flag(Self::EMITS, emits);
-        Self { albedo, flags: flags | Self::IS_LAMBERTIAN }
+        Self { albedo, flags: flags | base.flags | Self::IS_LAMBERTIAN }
     }
 }
 

@@ -67,6 +67,6 @@ impl Mesh {
         let own =
             |index: usize| to_front(self.normals.get(index).copied().unwrap_or_default(), normal);
         let uv = |index: usize| self.uvs.get(index).copied().unwrap_or_default();
-        Corners { normals: indices.map(own), uvs: indices.map(uv) }
+        Corners::new(indices.map(own), indices.map(uv))
     }
 }

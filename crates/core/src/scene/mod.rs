@@ -8,6 +8,7 @@ pub mod diffuse;
 pub mod dispersion;
 mod fingerprint;
 mod camera_visibility;
+pub mod coated_hits;
 mod glasses;
 mod hit;
 mod light_source;
@@ -38,7 +39,7 @@ pub use lights::emitter::{Directional, Emitter, Spot};
 pub use lights::environment::{Environment, Inset, InsetGrid};
 pub use lights::intensity::{IntensityDistribution, Photometry};
 pub use lights::luminaire::{AimedDistribution, LuminousOpening, PointLuminaire};
-pub use lights::packets::{Emissions, LightSamples, PrimarySamples};
+pub use lights::packets::{Emissions, LightSamples, PrimarySamples, Receivers};
 pub use lights::textured_emitter::TexturedTriangle;
 pub use lights::{ConnectedLight, Emission, LightSample, Lights, Receiver};
 pub use material::Material;
@@ -60,6 +61,8 @@ pub use validate::check_mesh;
 use crate::base::error::Result;
 use crate::base::math::Bounds;
 use crate::settings::combinations::SceneFacts;
+use bsdf::coats::CoatedBase;
+use coated_hits::{coated_base, is_plain};
 use diffuse::TriangleSide;
 use glam::{DVec3, Vec3};
 use hit::Lambertian;
@@ -115,6 +118,11 @@ pub struct Scene {
     first_triangle: Arc<[u32]>,
     /// For each material its Lambertian part.
     lambertian: Arc<[Lambertian]>,
+    /// For each material its base and coat.
+    coated: Arc<[CoatedBase]>,
+    /// For each placement whether its hits are those of [`Scene::coated_vertices`], if its
+    /// materials are.
+    is_plain: Arc<[bool]>,
     /// Sides that emit, sorted, and the indices of their emitters.
     emitting: Arc<[(TriangleSide, u32)]>,
 }
@@ -217,15 +225,19 @@ impl Scene {
         let mut emitting: Vec<_> = facets.into_iter().filter_map(numbered).collect();
         emitting.sort_by_key(|(side, _)| *side);
         let emitting = emitting.into();
+        let is_plain =
+            placements.iter().map(|placed| is_plain(placed, &meshes[placed.mesh as usize]));
         Ok(Self {
             name,
             camera,
             regions,
             file: FileFacts::default(),
             meters: None,
+            lambertian: materials.iter().map(Lambertian::of).collect(),
+            coated: materials.iter().map(coated_base).collect(),
+            is_plain: is_plain.collect(),
             meshes: meshes.into(),
             placements: placements.into(),
-            lambertian: materials.iter().map(Lambertian::of).collect(),
             materials: materials.into(),
             lights: Lights::new(emitters),
             bounds,

@@ -8,7 +8,7 @@ use glam::Vec3;
 use std::f32::consts::PI;
 
 /// Minimum cosine between a shading normal and the direction that it is seen from.
-const GRAZING: f32 = 1e-3;
+pub(super) const GRAZING: f32 = 1e-3;
 
 /// The normal by which a surface scatters, seen from `wo`, given its interpolated normal and the
 /// triangle's.

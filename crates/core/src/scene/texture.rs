@@ -1,6 +1,7 @@
 //! Textures of 8 bits per channel.
 
 use crate::base::math::Rgb;
+use crate::simd::{LANES, Vec3s};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use serde::Serialize;
 use std::sync::{Arc, LazyLock};
@@ -82,6 +83,26 @@ impl Wrap {
         };
         inside as usize
     }
+}
+
+/// [`Wrap::fold`] by the number of a wrapping, without a branch.
+#[inline(always)]
+fn folded(wrap: u32, x: f32) -> f32 {
+    let repeated = (x - x.floor()).min(1.0);
+    let mirrored = (1.0 - (x - 2.0 * (0.5 * x).floor() - 1.0).abs()).max(0.0);
+    let clamped = x.max(0.0).min(1.0);
+    let other = if wrap == Wrap::Mirror as u32 { mirrored } else { clamped };
+    if wrap == Wrap::Repeat as u32 { repeated } else { other }
+}
+
+/// [`Wrap::texel`] by the number of a wrapping, without a branch.
+#[inline(always)]
+fn wrapped(wrap: u32, i: i32, size: i32) -> i32 {
+    let around = if i < 0 { i + size } else { i };
+    let around = if around >= size { around - size } else { around };
+    let clamped = if i < 0 { 0 } else { i };
+    let clamped = if clamped >= size { size - 1 } else { clamped };
+    if wrap == Wrap::Repeat as u32 { around } else { clamped }
 }
 
 impl std::fmt::Debug for Texture {
@@ -201,6 +222,62 @@ impl Texture {
         self.filtered(uv, value).x
     }
 
+    /// Linear colors at coordinates of sixteen textures in sRGB; white without a texture. Waiting
+    /// for the texels of all together costs little more than waiting for those of one. (Closures
+    /// and methods that are not always inlined would be calls here.)
+    #[inline(always)] // part of the loop over vertices
+    pub(super) fn colors(
+        textures: &[Option<&Self>; LANES],
+        uv: &[[f32; LANES]; 2],
+        colors: &mut Vec3s,
+    ) {
+        let mut size = [[1_i32; LANES]; 2];
+        let mut wrap = [[0_u32; LANES]; 2];
+        let mut nearest = [0.0; LANES];
+        for lane in 0..LANES {
+            if let Some(Self { width, height, sampling, .. }) = textures[lane] {
+                (size[0][lane], size[1][lane]) = (*width as i32, *height as i32);
+                wrap[0][lane] = sampling.wrap[0] as u32;
+                wrap[1][lane] = sampling.wrap[1] as u32;
+                nearest[lane] = if sampling.nearest { 1.0 } else { 0.0 };
+            }
+        }
+        let (mut texel, mut between) = ([[[0_i32; LANES]; 2]; 2], [[0.0_f32; LANES]; 2]);
+        for axis in 0..2 {
+            for lane in 0..LANES {
+                let (size, wrap) = (size[axis][lane], wrap[axis][lane]);
+                let folded = folded(wrap, uv[axis][lane]);
+                let folded = if axis == 0 { folded } else { 1.0 - folded };
+                let position = folded * size as f32 - 0.5 * (1.0 - nearest[lane]);
+                let index = floor(position);
+                texel[axis][0][lane] = wrapped(wrap, index, size);
+                texel[axis][1][lane] = wrapped(wrap, index + 1, size);
+                between[axis][lane] = (position - index as f32) * (1.0 - nearest[lane]);
+            }
+        }
+        let mut codes = [[[255_u8; 4]; 4]; LANES];
+        for lane in 0..LANES {
+            let Some(texture) = textures[lane] else { continue };
+            let (left, right) = (texel[0][0][lane] as usize, texel[0][1][lane] as usize);
+            let (top, bottom) = (texel[1][0][lane] as usize, texel[1][1][lane] as usize);
+            let above = &texture.texels[top * texture.width as usize..];
+            let below = &texture.texels[bottom * texture.width as usize..];
+            codes[lane] = [above[left], above[right], below[left], below[right]];
+        }
+        let table = &*SRGB;
+        for lane in 0..LANES {
+            let [x, y] = [between[0][lane], between[1][lane]];
+            let shares = [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y];
+            let mut sum = Rgb::ZERO;
+            for corner in 0..4 {
+                let [r, g, b, _] = codes[lane][corner];
+                let linear = Rgb::new(table[r as usize], table[g as usize], table[b as usize]);
+                sum += shares[corner] * linear;
+            }
+            colors.set(lane, sum);
+        }
+    }
+
     /// The upper and the lower left one of the texels around `uv`.
     #[inline]
     pub(super) fn rows_around(&self, uv: Vec2) -> [&[u8; 4]; 2] {
@@ -313,6 +390,28 @@ mod tests {
             (1.7, 0.2, Rgb::Y),
         ] {
             assert_eq!(nearest.color(Vec2::new(u, v)), color, "{u} {v}");
+        }
+    }
+
+    #[test]
+    fn colors_of_sixteen_are_those_of_one() {
+        let wraps = [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp];
+        let pictures: Vec<_> = (0..LANES)
+            .map(|i| {
+                let wrap = [wraps[i % 3], wraps[i / 3 % 3]];
+                picture().sampled(Sampling { wrap, nearest: i > 11 })
+            })
+            .collect();
+        let textures = std::array::from_fn(|lane| (lane % 5 > 0).then(|| &pictures[lane]));
+        let at = [-3.3, -1e-20, 0.0, 0.1, 0.3, 0.74, 1.0, 1.6, 1e12, -1e12, f32::INFINITY];
+        for (i, &u) in at.iter().enumerate() {
+            let v = at[(3 * i + 1) % at.len()];
+            let mut colors = Vec3s::default();
+            Texture::colors(&textures, &[[u; LANES], [v; LANES]], &mut colors);
+            for (lane, texture) in textures.iter().enumerate() {
+                let expected = texture.map_or(Rgb::ONE, |own: &Texture| own.color(Vec2::new(u, v)));
+                assert!((colors.get(lane) - expected).length() < 1e-6, "{lane} {u} {v}");
+            }
         }
     }
 

@@ -26,12 +26,20 @@ pub struct Triangle {
     pub(super) corners: u32,
 }
 
-/// Shading data of a triangle's corners.
-#[derive(Clone, Copy, Debug, Default)]
+/// Shading data of a triangle's corners: one cache line.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C, align(64))]
 pub(super) struct Corners {
     /// Unit normals on the front side.
     pub normals: [Vec3; 3],
     pub uvs: [Vec2; 3],
+    unused: u32,
+}
+
+impl Corners {
+    pub fn new(normals: [Vec3; 3], uvs: [Vec2; 3]) -> Self {
+        Self { normals, uvs, unused: 0 }
+    }
 }
 
 /// A vertex's normal, turned to the front of its triangle with this `normal`, and never in its

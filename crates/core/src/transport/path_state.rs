@@ -89,6 +89,7 @@ impl History {
     }
 
     /// Adds a vertex passed through.
+    #[inline(always)]
     #[must_use]
     pub fn passed_through(self) -> Self {
         Self(self.0 + (u32::from(self.passed() < Self::PASSED) << Self::PASSED_AT))

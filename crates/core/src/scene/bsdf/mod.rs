@@ -8,6 +8,7 @@
 mod anisotropic_ggx;
 mod beckmann;
 mod coated;
+pub mod coats;
 mod conductor;
 mod dielectric;
 mod facets;
@@ -325,15 +326,17 @@ impl Bsdf {
         if self.spread() != Some(lobe) && !self.has_one_of(lobe) {
             return 0.0;
         }
+        if let Self::Lambertian { two_sided, .. } = self {
+            // Like the value, also where `wo` is below the horizon of a shading normal.
+            let reflects = at.front || *two_sided;
+            return if reflects { cosine_hemisphere_pdf_w(wi.dot(at.normal)) } else { 0.0 };
+        }
         let frame = at.frame();
         let (wo, wi) = (frame.to_local(at.wo), frame.to_local(wi));
         if wo.z <= 0.0 {
             return 0.0;
         }
         match self {
-            Self::Lambertian { two_sided, .. } if at.front || *two_sided => {
-                cosine_hemisphere_pdf_w(wi.z)
-            }
             Self::Conductor(conductor) => conductor.pdf_w(wo, wi),
             Self::RoughDielectric(interface) => interface.pdf_w(wo, wi, at.front),
             Self::Coated(coated) => coated.pdf_w(lobe, wo, wi),

@@ -38,7 +38,7 @@ pub struct Plastic {
 
 /// Number of coefficients of the transmittance. A Chebyshev series of them reproduces it within
 /// 1e-3.
-const COEFFICIENTS: usize = 12;
+pub(super) const COEFFICIENTS: usize = 12;
 /// Cosines at which the transmittance is integrated, in the steps of Mitsuba's tables.
 const COSINES: usize = 64;
 /// Facets across and down of the integral from outside and from inside, where total reflection has
@@ -48,14 +48,14 @@ const FACETS_INSIDE: u16 = 64;
 
 /// Integrals over the facets of a coat.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct CoatMeans {
+pub(super) struct CoatMeans {
     /// Coefficients of the powers of `2 cos - 1` in the transmittance from outside. Unused if the
     /// coat is smooth.
-    transmittance: [f32; COEFFICIENTS],
+    pub transmittance: [f32; COEFFICIENTS],
     /// Mean transmittance of diffuse light from outside.
-    mean_transmittance: f32,
+    pub mean_transmittance: f32,
     /// Mean reflectance of diffuse light from inside.
-    inside: f32,
+    pub inside: f32,
 }
 
 impl CoatMeans {
@@ -204,6 +204,11 @@ impl Plastic {
     /// Returns true if colors saturate by reflections between base and coat.
     pub fn is_nonlinear(&self) -> bool {
         self.is_nonlinear
+    }
+
+    /// Integrals over the facets of the coat.
+    pub(super) fn means(&self) -> &CoatMeans {
+        &self.coat
     }
 
     /// Share of the light from the cosine `cos` that enters the coat.

@@ -8,9 +8,8 @@ use super::{ChosenLight, Emission, PrimarySample, Receiver};
 use crate::base::math::uniform_sphere;
 use crate::base::rng::{Rng, unit_f32, unit_f64};
 use crate::scene::Lights;
-use crate::scene::diffuse::DiffuseVertices;
 use crate::simd::sobol::DIMENSIONS;
-use crate::simd::{LANES, Rngs, Vec3s};
+use crate::simd::{LANES, Mask, Rngs, Vec3s};
 use glam::Vec3;
 use std::array::from_fn;
 use std::f32::consts::PI;
@@ -66,6 +65,17 @@ impl PrimarySamples {
     fn singles(&self, side: usize) -> [f32; LANES] {
         self.0[side][1].map(unit_f32)
     }
+}
+
+/// Vertices of sixteen paths that connect with lights; see [`Receiver`].
+#[derive(Clone, Copy, Debug)]
+pub struct Receivers<'a> {
+    /// Paths that have a vertex.
+    pub active: &'a Mask,
+    /// The vertices.
+    pub position: &'a Vec3s,
+    /// Unit normals of their surfaces on the sides that receive.
+    pub normal: &'a Vec3s,
 }
 
 /// A point on a light for each vertex; see [`LightSample`](super::LightSample).
@@ -146,7 +156,7 @@ impl Lights {
 
     /// [`Self::connect`] for each vertex.
     #[inline(always)] // part of the loop over vertices
-    pub fn connect_all(&self, at: &DiffuseVertices, rngs: &mut Rngs) -> LightSamples {
+    pub fn connect_all(&self, at: &Receivers, rngs: &mut Rngs) -> LightSamples {
         let choices = rngs.next_bits();
         if let [Emitter::Point { position, intensity }] = self.emitters()
             && self.environment().is_none()
@@ -155,7 +165,7 @@ impl Lights {
             let irradiance = Vec3s::splat(*intensity);
             let relative = [1.0; LANES];
             let mut samples = LightSamples { target, irradiance, relative, ..Default::default() };
-            samples.reach_points(&at.position, &[1.0; LANES]);
+            samples.reach_points(at.position, &[1.0; LANES]);
             self.guide_points(&[0; LANES], &mut samples);
             return samples;
         }
@@ -178,7 +188,7 @@ impl Lights {
                 others[lane] = Some(ChosenLight { index, prob, at: receiver });
             }
         }
-        samples.reach_points(&at.position, &probs);
+        samples.reach_points(at.position, &probs);
         self.guide_points(&points, &mut samples);
         self.connect_others(&others, rngs, &mut samples);
         samples

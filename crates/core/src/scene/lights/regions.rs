@@ -18,37 +18,55 @@ const UNITS: f32 = 255.0;
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(super) struct RegionProbs {
-    /// Upper end of the interval of each region; the last one is the number of all units.
-    ends: [u16; REGIONS],
+    /// Upper end of the interval of each row of regions; the last one is the number of all units.
+    rows: [u16; REGIONS_ACROSS],
+    /// Upper end of the interval of each region, row by row.
+    ends: [[u16; REGIONS_ACROSS]; REGIONS_ACROSS],
+}
+
+/// The first interval that ends after `unit`. A count has no branch to predict, and all ends are
+/// in one line of the cache.
+#[inline]
+fn interval_of(unit: u16, ends: &[u16; REGIONS_ACROSS]) -> usize {
+    let before: u16 = ends.iter().map(|&end| u16::from(end <= unit)).sum();
+    usize::from(before).min(REGIONS_ACROSS - 1)
 }
 
 impl RegionProbs {
     /// Probabilities in proportion to `weights`, none of which is 0.
     fn new(weights: impl Iterator<Item = f32> + Clone) -> Self {
         let most = weights.clone().fold(0.0, f32::max);
-        let (mut sum, mut ends) = (0, [0; REGIONS]);
-        for (end, weight) in ends.iter_mut().zip(weights) {
+        let (mut sum, mut ends) = (0, [[0; REGIONS_ACROSS]; REGIONS_ACROSS]);
+        for (end, weight) in ends.as_flattened_mut().iter_mut().zip(weights) {
             sum += (UNITS * weight / most).round().max(1.0) as u16;
             *end = sum;
         }
-        Self { ends }
+        Self { rows: ends.map(|row| row[REGIONS_ACROSS - 1]), ends }
+    }
+
+    /// Number of all units.
+    #[inline]
+    fn units(&self) -> u16 {
+        self.rows[REGIONS_ACROSS - 1]
     }
 
     /// Chooses a region by a uniform number; also returns its probability over its share of the
     /// power.
     #[inline]
     pub fn choose(&self, u: f64) -> (usize, f32) {
-        let unit = (u * f64::from(self.ends[REGIONS - 1])) as u16;
-        let region = self.ends.partition_point(|&end| end <= unit).min(REGIONS - 1);
+        let unit = (u * f64::from(self.units())) as u16;
+        let row = interval_of(unit, &self.rows);
+        let region = row * REGIONS_ACROSS + interval_of(unit, &self.ends[row]);
         (region, self.density(region))
     }
 
     /// Probability of a region over its share of the power.
     #[inline]
     pub fn density(&self, region: usize) -> f32 {
-        let begin = if region == 0 { 0 } else { self.ends[region - 1] };
-        let all = f32::from(self.ends[REGIONS - 1]);
-        f32::from(self.ends[region] - begin) * REGIONS as f32 / all
+        let ends = self.ends.as_flattened();
+        let begin = if region == 0 { 0 } else { ends[region - 1] };
+        let all = f32::from(self.units());
+        f32::from(ends[region] - begin) * REGIONS as f32 / all
     }
 }
 

@@ -3,9 +3,11 @@
 
 use super::{CameraPass, CameraPaths};
 use crate::base::math::Rgb;
+use crate::scene::bsdf::coats::CoatSamples;
+use crate::scene::coated_hits::CoatedVertices;
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::{Optics, Surface};
-use crate::simd::LANES;
+use crate::simd::{LANES, Mask};
 use crate::transport::path_state::{History, PathState, PathStates};
 use glam::Vec3;
 
@@ -64,15 +66,8 @@ impl CameraPaths {
         states: &PathStates,
     ) {
         for lane in (0..LANES).filter(|&lane| at.active[lane]) {
-            let history = states.history[lane];
-            let aov = &mut self.aovs[states.path[lane] as usize];
-            aov.vertex = history.diffuse() + 1;
-            if history.diffuse() == 0 {
-                aov.passed = history.passed();
-                aov.set_first_hit(pass, history, at.position.get(lane));
-                let tint = states.weight.get(lane) * states.inverse_start[lane];
-                aov.set_surface(tint * at.albedo.get(lane), at.normal.get(lane));
-            }
+            let surface = [at.albedo.get(lane), at.normal.get(lane)];
+            self.record_surface(pass, states, lane, at.position.get(lane), surface);
         }
     }
 
@@ -94,6 +89,57 @@ impl CameraPaths {
                 let tint = state.weight * state.inverse_start;
                 aov.set_surface(tint * surface.bsdf.color(surface.front), normal);
             }
+        }
+    }
+
+    /// Records the surfaces at bases and coats, before paths scatter.
+    #[inline(never)] // rare
+    pub(super) fn record_coated(
+        &mut self,
+        pass: &CameraPass,
+        at: &CoatedVertices,
+        states: &PathStates,
+    ) {
+        for lane in (0..LANES).filter(|&lane| at.active[lane]) {
+            let (albedo, normal) = (at.bsdf.albedo.get(lane), at.shading_normal.get(lane));
+            let position = at.position.get(lane);
+            self.record_surface(pass, states, lane, position, [albedo, normal]);
+        }
+    }
+
+    /// Records that paths before any diffuse vertex take rough lobes.
+    #[inline(never)] // rare
+    pub(super) fn record_rough_samples(
+        &mut self,
+        active: &Mask,
+        samples: &CoatSamples,
+        states: &PathStates,
+    ) {
+        for lane in (0..LANES).filter(|&lane| active[lane]) {
+            let is_rough = samples.passes_through[lane] & !samples.is_delta[lane];
+            if samples.is_some[lane] && is_rough && states.history[lane].diffuse() == 0 {
+                self.record_rough(states.path[lane]);
+            }
+        }
+    }
+
+    /// Records a surface of this albedo and normal, before the path in a lane scatters.
+    fn record_surface(
+        &mut self,
+        pass: &CameraPass,
+        states: &PathStates,
+        lane: usize,
+        position: Vec3,
+        [albedo, normal]: [Vec3; 2],
+    ) {
+        let history = states.history[lane];
+        let aov = &mut self.aovs[states.path[lane] as usize];
+        aov.vertex = history.diffuse() + 1;
+        if history.diffuse() == 0 {
+            aov.passed = history.passed();
+            aov.set_first_hit(pass, history, position);
+            let tint = states.weight.get(lane) * states.inverse_start[lane];
+            aov.set_surface(tint * albedo, normal);
         }
     }
 

@@ -18,16 +18,16 @@ use std::array::from_fn;
 /// Last vertex of a camera path, for the weight of a light source that the next segment hits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LastVertex {
-    receiver: Receiver,
+    pub receiver: Receiver,
     /// Unit normal of its triangle.
-    normal: Vec3,
+    pub normal: Vec3,
     /// Density in projected solid angle with which the path goes on; 0 if no connection can replace
     /// its direction.
-    density: f32,
+    pub density: f32,
     /// Partial after the vertex.
-    partial: CameraPartial,
+    pub partial: CameraPartial,
     /// The vertex is diffuse.
-    is_diffuse: bool,
+    pub is_diffuse: bool,
 }
 
 impl Default for LastVertex {

@@ -2,6 +2,7 @@
 //! gather points.
 
 mod aov;
+mod coated;
 mod equiangular;
 mod medium;
 mod meter;
@@ -24,6 +25,7 @@ use crate::settings::Settings;
 use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, Vec3s, any};
 use bytemuck::{Pod, Zeroable};
+use coated::CoatedSegments;
 pub use medium::{MediumBeam, MediumPoint};
 use mis::LastVertex;
 use std::{array::from_fn, mem};
@@ -79,6 +81,8 @@ pub struct CameraPaths {
     /// The next segments, in the order in which they are found.
     next: PathQueue<PathStates, 16>,
     hits: Vec<HitPacket>,
+    /// Hits of diffuse bases with or without a coat, which wait until all are found.
+    coated: PathQueue<CoatedSegments, 20>,
     shadow_rays: PathQueue<Connections, 10>,
     /// Paths with the light that meters receive through panes.
     pane_light: Vec<(u32, Rgb)>,
@@ -290,6 +294,9 @@ impl CameraPaths {
             if rest.missed != 0 && pass.scene.lights().has_environment() {
                 self.add_environment(pass, &states, rest.missed);
             }
+            if rest.coated != 0 && pass.shades_coats_together() {
+                rest.others &= !self.queue_coated(simd, pass, &states, hits, rest.coated);
+            }
             if rest.others != 0 {
                 self.scatter_others(pass, &states, hits, rest.others, &mut at, &mut others);
             }
@@ -298,6 +305,7 @@ impl CameraPaths {
             }
             self.scatter_diffuse(simd, pass, &at, &mut states);
         }
+        self.scatter_all_coated(simd, pass);
         self.hits = all_hits;
         self.segments = mem::replace(&mut self.next, segments);
     }
@@ -319,7 +327,7 @@ impl CameraPaths {
         let weights = at.weights(&states.weight);
         if pass.connects() {
             let lights = pass.scene.lights();
-            let light = lights.connect_all(at, &mut states.rng);
+            let light = lights.connect_all(&at.receivers(), &mut states.rng);
             // theory.md (42), third line
             let mut contributions = at.contributions(&weights, &light);
             if let Some(mis) = &mis {
@@ -336,7 +344,8 @@ impl CameraPaths {
             let path = from_fn(|lane| {
                 Connections::path_in(states.path[lane], states.history[lane].media())
             });
-            self.queue_shadow_rays(simd, at, &path, &light.target, &contributions);
+            let start = [&at.off_surface, &light.target];
+            self.queue_shadow_rays(simd, &at.active, start, &path, &contributions);
         }
         let (mut gathers, mut goes_on) = <(Mask, Mask)>::default();
         let mut vertex = [0; LANES];
@@ -424,21 +433,21 @@ impl CameraPaths {
         }
     }
 
-    /// Queues shadow rays between points on light sources and vertices; `contribution` is added to
-    /// the paths of the rays that nothing blocks.
+    /// Queues shadow rays of the `active` lanes between start points of vertices and points on light
+    /// sources; `contribution` is added to the paths of the rays that nothing blocks.
     #[inline(always)] // vectorized
     fn queue_shadow_rays(
         &mut self,
         simd: Simd,
-        at: &DiffuseVertices,
+        active: &Mask,
+        [off_surface, target]: [&Vec3s; 2],
         path: &[u32; LANES],
-        target: &Vec3s,
         contribution: &Vec3s,
     ) {
-        let (mut sent, mut direction) = (at.active, Vec3s::default());
+        let (mut sent, mut direction) = (*active, Vec3s::default());
         for (lane, sent) in sent.iter_mut().enumerate() {
             *sent &= contribution.get(lane) != Rgb::ZERO;
-            direction.set(lane, at.off_surface.get(lane) - target.get(lane));
+            direction.set(lane, off_surface.get(lane) - target.get(lane));
         }
         // From the light source, so that shadow rays to one point of it share their origin.
         let (origin, path, contribution) = (*target, *path, *contribution);

@@ -285,8 +285,8 @@ pub(super) const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
 
 /// Number of vertices passed through from which on a path ends with the probability
 /// [`LONG_CHAIN_END`] at each of them: mirrors may trap light.
-const LONG_CHAIN: u32 = 16;
-const LONG_CHAIN_END: f32 = 0.1;
+pub(super) const LONG_CHAIN: u32 = 16;
+pub(super) const LONG_CHAIN_END: f32 = 0.1;
 
 /// Plays roulette where a path passes through a vertex, and returns whether it survives.
 pub(in crate::transport) fn survives_passing(state: &mut PathState) -> bool {

@@ -70,11 +70,17 @@ impl Survival {
     /// [`Self::density`] of lobes that are not Lambertian, from their value and density in a
     /// direction of this cosine.
     pub fn density_of(self, lobes: &LobeValue, cos: f32) -> f32 {
-        let density = lobes.pdf_w / cos.abs().max(MIN_DENSITY);
+        self.density_from(lobes.value.max_element(), lobes.pdf_w, cos)
+    }
+
+    /// [`Self::density_of`] lobes by the largest channel of their value.
+    #[inline(always)] // part of vector loops
+    pub fn density_from(self, value: f32, pdf_w: f32, cos: f32) -> f32 {
+        let density = pdf_w / cos.abs().max(MIN_DENSITY);
         let survives = match self {
             Self::Never => return 0.0,
             // The weight of the sample is the BSDF over the density.
-            Self::Reflected => (MAX_SURVIVAL * density).min(lobes.value.max_element()),
+            Self::Reflected => (MAX_SURVIVAL * density).min(value),
             Self::Certain => density,
         };
         survives.max(MIN_DENSITY)
@@ -97,7 +103,8 @@ pub fn rough_density(bsdf: &Bsdf, at: &Vertex, wi: Vec3) -> f32 {
 }
 
 /// [`rough_density`] from the density in solid angle of a direction of this cosine.
-fn rough_density_of(pdf_w: f32, cos: f32) -> f32 {
+#[inline(always)] // part of vector loops
+pub fn rough_density_of(pdf_w: f32, cos: f32) -> f32 {
     (pdf_w / cos.abs().max(MIN_DENSITY)).max(MIN_DENSITY)
 }
 

@@ -1,13 +1,12 @@
 //! Directions drawn in proportion to the luminance of an environment.
 
 use super::{Environment, REGIONS_ACROSS, Row};
-use crate::base::math::Rgb;
+use crate::base::math::{Rgb, sin_cos_turns};
 use crate::base::rng::Rng;
 use crate::scene::lights::LightSample;
 use crate::scene::lights::cutpoints::{Bucket, Choice, Cutpoints};
 use crate::simd::LANES;
 use glam::Vec3;
-use std::f32::consts::TAU;
 
 /// A direction that was drawn in proportion to the luminance.
 #[derive(Clone, Copy, Debug, Default)]
@@ -74,9 +73,9 @@ impl Environment {
         let y = above + draft.down * (below - above);
         let [begin, pixels_around] = self.longitudes(draft.row);
         let around = begin + (column as f32 + u as f32) / pixels_around;
-        let longitude = TAU * (around - 0.5 - self.turn);
+        let longitude = around - 0.5 - self.turn;
         let across = (1.0 - y * y).max(0.0).sqrt();
-        let (sin, cos) = longitude.sin_cos();
+        let (sin, cos) = sin_cos_turns(longitude - longitude.floor());
         let direction = Vec3::new(across * sin, y, -across * cos);
         let inverse_pdf_w = inverse_pdf_w / units as f32;
         let irradiance = pixels[column].radiance * inverse_pdf_w;

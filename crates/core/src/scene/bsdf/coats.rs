@@ -1,0 +1,574 @@
+//! Diffuse bases under coats, sixteen at a time: surfaces that are Lambertian or [`Plastic`].
+//!
+//! The formulas are those of [`layers`](super::layers), [`plastic`](super::plastic) and
+//! [`facets`](super::facets). Directions are in scene space: facets of coats are isotropic, so that
+//! cosines and distances from the normal say everything. Loops over lanes have neither calls nor
+//! branches, so that they become vector instructions.
+
+use super::facets::{FacetModel, Facets};
+use super::ggx::reflect;
+use super::plastic::COEFFICIENTS;
+use super::{Bsdf, DIFFUSE_ALPHA, Plastic};
+use crate::base::math::{Frame, Rgb, cosine_hemisphere, exp_minus};
+use crate::simd::{LANES, Mask, Vec3s, bits, lanes_of};
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+use std::f32::consts::{FRAC_1_PI, PI};
+
+/// A base and its coat, as hits read them.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C, align(16))]
+pub(in crate::scene) struct CoatedBase {
+    albedo: Rgb,
+    /// Properties, one bit each; without [`Self::IS_BASE`] the rest means nothing.
+    pub flags: u32,
+    /// Factor of the light that the coat reflects.
+    tint: Rgb,
+    eta: f32,
+    /// Width of the facets; 0 if the coat is smooth, 1 without a coat.
+    alpha: f32,
+    mean_transmittance: f32,
+    /// Mean reflectance of diffuse light from inside; 0 without a coat.
+    inside: f32,
+    /// 1 if reflections between base and coat take on the color of the base, else 0.
+    saturates: f32,
+    /// See [`Plastic`]; 1 for all cosines without a coat.
+    transmittance: [f32; COEFFICIENTS],
+}
+
+impl CoatedBase {
+    /// The BSDF is a base under a coat, or without one.
+    pub const IS_BASE: u32 = 1;
+    const HAS_COAT: u32 = 2;
+    const TWO_SIDED: u32 = 4;
+    const IS_BECKMANN: u32 = 8;
+    const IS_CORRELATED: u32 = 16;
+
+    /// The base of a BSDF; without [`Self::IS_BASE`] if it is of another kind.
+    pub fn of(bsdf: &Bsdf) -> Self {
+        match bsdf {
+            Bsdf::Lambertian { albedo, two_sided } => Self::without_coat(*albedo, *two_sided),
+            Bsdf::Plastic(plastic) => Self::of_plastic(plastic),
+            _ => Self::default(),
+        }
+    }
+
+    fn without_coat(albedo: Rgb, two_sided: bool) -> Self {
+        let mut transmittance = [0.0; COEFFICIENTS];
+        transmittance[0] = 1.0;
+        let flags = Self::IS_BASE | if two_sided { Self::TWO_SIDED } else { 0 };
+        let (eta, alpha, mean_transmittance) = (1.0, 1.0, 1.0);
+        Self { albedo, flags, eta, alpha, mean_transmittance, transmittance, ..Self::default() }
+    }
+
+    fn of_plastic(plastic: &Plastic) -> Self {
+        let Facets { model, alpha } = plastic.facets();
+        let model = match model {
+            FacetModel::Beckmann => Self::IS_BECKMANN,
+            FacetModel::Correlated => Self::IS_CORRELATED,
+            FacetModel::Ggx => 0,
+        };
+        let means = plastic.means();
+        Self {
+            albedo: plastic.albedo(),
+            flags: Self::IS_BASE | Self::HAS_COAT | Self::TWO_SIDED | model,
+            tint: plastic.tint(),
+            eta: plastic.eta(),
+            alpha,
+            mean_transmittance: means.mean_transmittance,
+            inside: means.inside,
+            saturates: f32::from(u8::from(plastic.is_nonlinear())),
+            transmittance: means.transmittance,
+        }
+    }
+}
+
+/// Sixteen [`CoatedBase`]s, column by column.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C, align(64))]
+pub(in crate::scene) struct CoatedBases {
+    albedo: Vec3s,
+    flags: [u32; LANES],
+    tint: Vec3s,
+    eta: [f32; LANES],
+    alpha: [f32; LANES],
+    mean_transmittance: [f32; LANES],
+    inside: [f32; LANES],
+    saturates: [f32; LANES],
+    transmittance: [[f32; LANES]; COEFFICIENTS],
+}
+
+/// Sixteen surfaces of coats over bases, each seen from a direction.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SeenCoats {
+    coats: CoatedBases,
+    /// Albedos of the bases; black at sides that do not reflect.
+    pub albedo: Vec3s,
+    /// Value of the base over both transmittances, 1/sr.
+    base: Vec3s,
+    /// Unit shading normals.
+    normal: Vec3s,
+    /// Unit vectors toward the viewer.
+    wo: Vec3s,
+    /// Cosines of `wo`, and share of the light from there that enters the coat.
+    cos: [f32; LANES],
+    enters: [f32; LANES],
+    /// Probability of the coat's lobe; 0 without a coat.
+    coat_prob: [f32; LANES],
+}
+
+/// Values of both lobes over their colors, 1/sr, and densities of sampling them, 1/sr. All are 0
+/// below the surface, and those of a smooth coat.
+#[derive(Clone, Copy, Debug, Default)]
+struct LobeScales {
+    base: [f32; LANES],
+    base_pdf_w: [f32; LANES],
+    coat: [f32; LANES],
+    coat_pdf_w: [f32; LANES],
+}
+
+/// Lobes of one class of sixteen surfaces; see [`LobeValue`](super::LobeValue).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LobeValues {
+    /// Values, 1/sr.
+    pub value: Vec3s,
+    /// Densities in solid angle, 1/sr.
+    pub pdf_w: [f32; LANES],
+}
+
+/// Directions that were sampled; see [`BsdfSample`](super::BsdfSample).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CoatSamples {
+    /// Lanes with a direction above the surface.
+    pub is_some: Mask,
+    /// Unit directions.
+    pub wi: Vec3s,
+    /// Factors of the throughput.
+    pub weight: Vec3s,
+    /// Directions that pass through: of a rough or a smooth coat.
+    pub passes_through: Mask,
+    /// Lanes of a smooth coat.
+    pub is_delta: Mask,
+    /// Densities of the sampled class of lobes, 1/sr; 0 of a smooth coat.
+    pub pdf_w: [f32; LANES],
+    /// Largest channels of the values of that class, 1/sr.
+    pub value: [f32; LANES],
+}
+
+impl CoatedBases {
+    /// 1 if the surface of a lane has a coat, else 0.
+    #[inline(always)] // as all functions here: parts of the loop over vertices
+    pub fn has_coat(&self, lane: usize) -> f32 {
+        if self.has(CoatedBase::HAS_COAT, lane) { 1.0 } else { 0.0 }
+    }
+
+    #[inline(always)]
+    fn has(&self, flag: u32, lane: usize) -> bool {
+        self.flags[lane] & flag != 0
+    }
+
+    /// [`Plastic`]'s share of the light from the cosine `cos` that enters the coat.
+    #[inline(always)]
+    fn transmittance(&self, lane: usize, cos: f32) -> f32 {
+        let smooth = 1.0 - fresnel(cos, self.eta[lane]);
+        let t = &self.transmittance;
+        let x = 2.0 * cos - 1.0;
+        let x2 = x * x;
+        let x4 = x2 * x2;
+        let low = (t[0][lane] + t[1][lane] * x) + (t[2][lane] + t[3][lane] * x) * x2;
+        let middle = (t[4][lane] + t[5][lane] * x) + (t[6][lane] + t[7][lane] * x) * x2;
+        let high = (t[8][lane] + t[9][lane] * x) + (t[10][lane] + t[11][lane] * x) * x2;
+        let rough = (low + (middle + high * x4) * x4).clamp(0.0, 1.0);
+        if self.alpha[lane] == 0.0 { smooth } else { rough }
+    }
+
+    /// The facets' hidden over visible share from a direction of this cosine, whose distance from
+    /// the normal has this square.
+    #[inline(always)]
+    fn lambda(&self, lane: usize, cos: f32, across2: f32) -> f32 {
+        let alpha = self.alpha[lane];
+        let tan2 = across2 / (cos * cos);
+        let ggx = 0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0);
+        // Slope of the direction over the width; the lambda is 0 within rounding from 10 on.
+        let a = (cos.abs() / (alpha * across2.sqrt()).max(1e-30)).clamp(1e-6, 10.0);
+        // The error function as in `beckmann.rs`, which has its source.
+        let t = (1.0 + 0.327_591_1 * a).recip();
+        let series = ((((1.061_405_4 * t - 1.453_152) * t + 1.421_413_7) * t - 0.284_496_74) * t
+            + 0.254_829_6)
+            * t;
+        let root = PI.sqrt();
+        let beckmann = (0.5 * exp_minus(a * a) * ((a * root).recip() - series)).max(0.0);
+        if self.has(CoatedBase::IS_BECKMANN, lane) { beckmann } else { ggx }
+    }
+
+    /// Density of the facets' normals of this cosine over the surface, 1/sr.
+    #[inline(always)]
+    fn density(&self, lane: usize, cos: f32, across2: f32) -> f32 {
+        let alpha2 = self.alpha[lane] * self.alpha[lane];
+        let cos2 = cos * cos;
+        let stretched = across2 / alpha2 + cos2;
+        let ggx = (PI * alpha2 * stretched * stretched).recip();
+        let beckmann = exp_minus(across2 / (cos2 * alpha2)) / (PI * alpha2 * cos2 * cos2);
+        let beckmann = if cos > 0.0 { beckmann } else { 0.0 };
+        if self.has(CoatedBase::IS_BECKMANN, lane) { beckmann } else { ggx }
+    }
+}
+
+/// Reflectance of a smooth interface; that of [`fresnel`](super::fresnel) without a branch.
+#[inline(always)]
+fn fresnel(cos_i: f32, eta: f32) -> f32 {
+    let cos_t2 = 1.0 - (1.0 - cos_i * cos_i) / (eta * eta);
+    let cos_t = cos_t2.max(0.0).sqrt();
+    let s = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
+    let p = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
+    if cos_t2 <= 0.0 { 1.0 } else { 0.5 * (s * s + p * p) }
+}
+
+/// Square of the distance of a unit vector from a normal to which it has this cosine.
+#[inline(always)]
+fn across2(w: Vec3, normal: Vec3, cos: f32) -> f32 {
+    (w - normal * cos).length_squared()
+}
+
+impl SeenCoats {
+    /// Surfaces seen from `wo` by their shading normals. `color` is a factor of the albedos, and
+    /// `front` the side that is seen.
+    #[inline(always)]
+    pub(in crate::scene) fn new(
+        coats: &CoatedBases,
+        color: &Vec3s,
+        front: &Mask,
+        normal: &Vec3s,
+        wo: &Vec3s,
+    ) -> Self {
+        let mut seen = Self { coats: *coats, normal: *normal, wo: *wo, ..Self::default() };
+        for lane in 0..LANES {
+            let reflects = front[lane] | coats.has(CoatedBase::TWO_SIDED, lane);
+            let albedo =
+                coats.albedo.get(lane) * color.get(lane) * if reflects { 1.0 } else { 0.0 };
+            let saturates = coats.saturates[lane];
+            let again = albedo * saturates + (1.0 - saturates);
+            let saturation = (Rgb::ONE - again * coats.inside[lane]).max(Rgb::splat(1e-6));
+            let eta2 = coats.eta[lane] * coats.eta[lane];
+            let base = albedo * FRAC_1_PI / (eta2 * saturation);
+            let cos = normal.get(lane).dot(wo.get(lane));
+            let enters = coats.transmittance(lane, cos);
+            let coat = (1.0 - enters) * coats.tint.get(lane).max_element();
+            let below = PI * base.max_element() * enters * coats.mean_transmittance[lane];
+            let prob = if below > 0.0 { (coat / (coat + below)).min(1.0 - 1e-3) } else { 1.0 };
+            let has_coat = coats.has(CoatedBase::HAS_COAT, lane);
+            seen.albedo.set(lane, albedo);
+            seen.base.set(lane, base);
+            seen.cos[lane] = cos;
+            seen.enters[lane] = enters;
+            seen.coat_prob[lane] = if has_coat { prob } else { 0.0 };
+        }
+        seen
+    }
+
+    /// Surfaces whose coat is rough, but narrow: its lobe is of a class of its own.
+    #[inline(always)]
+    fn is_narrow(&self, lane: usize) -> bool {
+        self.coats.alpha[lane] < DIFFUSE_ALPHA
+    }
+
+    #[inline(always)]
+    fn scales(&self, wi: &Vec3s) -> LobeScales {
+        let mut scales = LobeScales::default();
+        for lane in 0..LANES {
+            let (normal, wo, wi) = (self.normal.get(lane), self.wo.get(lane), wi.get(lane));
+            let (cos_o, cos_i) = (self.cos[lane], normal.dot(wi));
+            let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
+            // A Lambertian surface does not depend on the direction that it is seen from. It has no
+            // lobe where it is black: paths end at backs that do not reflect.
+            let reflects = self.base.get(lane).max_element() > 0.0;
+            let is_seen = (has_coat & (cos_o > 0.0)) | (!has_coat & reflects);
+            let is_above = (cos_i > 0.0) & is_seen;
+            let above = if is_above { 1.0 } else { 0.0 };
+            let prob = self.coat_prob[lane];
+            let leaves = self.coats.transmittance(lane, cos_i);
+            scales.base[lane] = above * self.enters[lane] * leaves;
+            scales.base_pdf_w[lane] = above * (1.0 - prob) * cos_i.max(0.0) * FRAC_1_PI;
+            // theory.md (31a), (97)
+            let sum = wo + wi;
+            let m = sum * sum.length_squared().max(1e-20).sqrt().recip();
+            let cos_m = m.dot(normal);
+            let density = self.coats.density(lane, cos_m, across2(m, normal, cos_m));
+            let lambda_o = self.coats.lambda(lane, cos_o, across2(wo, normal, cos_o));
+            let lambda_i = self.coats.lambda(lane, cos_i, across2(wi, normal, cos_i));
+            let apart = (1.0 + lambda_o) * (1.0 + lambda_i);
+            let is_correlated = self.coats.has(CoatedBase::IS_CORRELATED, lane);
+            let g2 = if is_correlated { 1.0 + lambda_o + lambda_i } else { apart }.recip();
+            let d = density / (4.0 * cos_o);
+            let is_lobe = is_above & has_coat & (self.coats.alpha[lane] > 0.0);
+            let coat = fresnel(wo.dot(m), self.coats.eta[lane]) * d * g2 / cos_i;
+            let pdf_w = prob * d / (1.0 + lambda_o);
+            scales.coat[lane] = if is_lobe { coat } else { 0.0 };
+            scales.coat_pdf_w[lane] = if is_lobe { pdf_w } else { 0.0 };
+        }
+        scales
+    }
+
+    /// Values and densities of the lobes that merge, and of rough ones; those of
+    /// [`Bsdf::lobes`].
+    #[inline(always)]
+    pub fn lobes(&self, wi: &Vec3s) -> (LobeValues, LobeValues) {
+        let scales = self.scales(wi);
+        let (mut wide, mut rough) = <(LobeValues, LobeValues)>::default();
+        for lane in 0..LANES {
+            let base = self.base.get(lane) * scales.base[lane];
+            let coat = self.coats.tint.get(lane) * scales.coat[lane];
+            let joins = if self.is_narrow(lane) { 0.0 } else { 1.0 };
+            let (base_pdf_w, coat_pdf_w) = (scales.base_pdf_w[lane], scales.coat_pdf_w[lane]);
+            wide.value.set(lane, base + coat * joins);
+            wide.pdf_w[lane] = base_pdf_w + coat_pdf_w * joins;
+            rough.value.set(lane, coat * (1.0 - joins));
+            rough.pdf_w[lane] = coat_pdf_w * (1.0 - joins);
+        }
+        (wide, rough)
+    }
+
+    /// Samples directions from three uniform numbers each; see [`Bsdf::sample`].
+    #[inline(always)]
+    pub fn sample(&self, u: &[[f32; LANES]; 3]) -> CoatSamples {
+        let mut samples = CoatSamples::default();
+        let mut takes_facets = Mask::default();
+        for lane in 0..LANES {
+            let prob = self.coat_prob[lane];
+            let takes_coat = (prob >= 1.0) | (u[0][lane] < prob);
+            let is_smooth = self.coats.alpha[lane] == 0.0;
+            let (normal, wo) = (self.normal.get(lane), self.wo.get(lane));
+            let diffuse = cosine_hemisphere(normal, [u[1][lane], u[2][lane]]);
+            let mirrored = normal * (2.0 * self.cos[lane]) - wo;
+            samples.is_delta[lane] = takes_coat & is_smooth;
+            takes_facets[lane] = takes_coat & !is_smooth & (self.cos[lane] > 0.0);
+            samples.passes_through[lane] = takes_coat & self.is_narrow(lane);
+            samples.wi.set(lane, if samples.is_delta[lane] { mirrored } else { diffuse });
+        }
+        self.sample_facets(bits(&takes_facets), u, &mut samples.wi);
+        let scales = self.scales(&samples.wi);
+        for lane in 0..LANES {
+            let prob = self.coat_prob[lane];
+            let wi = samples.wi.get(lane);
+            let cos_i = self.normal.get(lane).dot(wi);
+            let is_delta = samples.is_delta[lane];
+            let tint = self.coats.tint.get(lane);
+            let (base, coat) = (self.base.get(lane) * scales.base[lane], tint * scales.coat[lane]);
+            // A class of two lobes has one density. The other classes have one lobe.
+            let joins = !self.is_narrow(lane);
+            let takes_base = joins | !samples.passes_through[lane];
+            let takes_coat = joins | samples.passes_through[lane];
+            let base_share = if takes_base { 1.0 } else { 0.0 };
+            let coat_share = if takes_coat { 1.0 } else { 0.0 };
+            let value = base * base_share + coat * coat_share;
+            let pdf_w = scales.base_pdf_w[lane] * base_share + scales.coat_pdf_w[lane] * coat_share;
+            let mirrored = tint * (fresnel(self.cos[lane], self.coats.eta[lane]) / prob);
+            let weight = if is_delta { mirrored } else { value * (cos_i / pdf_w) };
+            let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
+            let is_seen = (self.cos[lane] > 0.0) | !has_coat;
+            samples.is_some[lane] = is_seen & ((pdf_w > 0.0) | is_delta) & (cos_i > 0.0);
+            samples.weight.set(lane, weight);
+            samples.pdf_w[lane] = if is_delta { 0.0 } else { pdf_w };
+            samples.value[lane] = value.max_element();
+        }
+        samples
+    }
+
+    /// Directions that the facets of `lanes` reflect.
+    #[inline(never)] // few
+    fn sample_facets(&self, lanes: u32, u: &[[f32; LANES]; 3], directions: &mut Vec3s) {
+        for lane in lanes_of(lanes) {
+            let model = match self.coats.flags[lane] {
+                flags if flags & CoatedBase::IS_BECKMANN != 0 => FacetModel::Beckmann,
+                _ => FacetModel::Ggx, // correlated or not, the same normals are visible
+            };
+            let facets = Facets { model, alpha: self.coats.alpha[lane] };
+            let frame = Frame::new(self.normal.get(lane));
+            let wo = frame.to_local(self.wo.get(lane));
+            let m = facets.sample_visible(wo, [u[1][lane], u[2][lane]]);
+            directions.set(lane, frame.to_world(reflect(wo, m)));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::math::uniform_sphere;
+    use crate::base::rng::{Rng, Stream, StreamKey};
+    use crate::scene::bsdf::{LobeSet, LobeValue, Transport, Vertex};
+    use glam::DVec3;
+    use std::array::from_fn;
+
+    fn bsdfs() -> Vec<Bsdf> {
+        let albedo = Rgb::new(0.8, 0.3, 0.1);
+        let plastic = |model, alpha, is_nonlinear| {
+            let facets = Facets { model, alpha };
+            Bsdf::Plastic(Plastic::new(albedo, 1.5, facets, is_nonlinear))
+        };
+        vec![
+            Bsdf::Lambertian { albedo, two_sided: true },
+            Bsdf::Lambertian { albedo, two_sided: false },
+            plastic(FacetModel::Ggx, 0.0, true),
+            plastic(FacetModel::Ggx, 0.1, false),
+            plastic(FacetModel::Ggx, 0.4, true),
+            plastic(FacetModel::Beckmann, 0.05, true),
+            plastic(FacetModel::Beckmann, 0.6, false),
+            plastic(FacetModel::Correlated, 0.2, false),
+            Bsdf::Plastic(
+                Plastic::new(Rgb::ZERO, 1.3, Facets { model: FacetModel::Ggx, alpha: 0.2 }, true)
+                    .tinted(Rgb::new(0.5, 1.0, 0.2)),
+            ),
+        ]
+    }
+
+    /// Sixteen surfaces of one BSDF, seen from these vertices.
+    fn seen(bsdf: &Bsdf, vertices: &[Vertex; LANES]) -> SeenCoats {
+        let rows = [CoatedBase::of(bsdf); LANES];
+        assert!(rows[0].flags & CoatedBase::IS_BASE != 0);
+        let mut coats = CoatedBases::default();
+        let simd = crate::simd::dispatch::Simd::default();
+        crate::simd::dispatch::transpose_rows(simd, &rows.each_ref(), &mut coats);
+        let (mut normal, mut wo) = <(Vec3s, Vec3s)>::default();
+        for (lane, vertex) in vertices.iter().enumerate() {
+            normal.set(lane, vertex.normal);
+            wo.set(lane, vertex.wo);
+        }
+        let front = vertices.map(|vertex| vertex.front);
+        SeenCoats::new(&coats, &Vec3s::splat(Rgb::ONE), &front, &normal, &wo)
+    }
+
+    /// A vertex that is mostly seen from above.
+    fn vertex(rng: &mut Rng) -> Vertex {
+        let normal = uniform_sphere(rng.next_2d());
+        let wo = uniform_sphere(rng.next_2d());
+        let below = wo.dot(normal) < 0.0 && rng.next_1d() < 0.9;
+        let wo = if below { -wo } else { wo };
+        Vertex { normal, wo, front: rng.next_1d() < 0.5, tangent: None }
+    }
+
+    #[track_caller]
+    fn assert_lobe(found: (Rgb, f32), expected: &LobeValue, what: &Bsdf) {
+        // Error functions are in double precision there, and in single precision here.
+        let tolerance = |size: f32| 1e-6 + 1e-3 * size;
+        let off = (found.0 - expected.value).abs().max_element();
+        assert!(off <= tolerance(expected.value.max_element()), "{found:?} {expected:?} {what:?}");
+        let off = (found.1 - expected.pdf_w).abs();
+        assert!(off <= tolerance(expected.pdf_w), "{found:?} {expected:?} {what:?}");
+    }
+
+    #[test]
+    fn lobes_of_sixteen_are_those_of_one() {
+        let mut rng = StreamKey::new(3, Stream::Test, 0).rng(0);
+        for bsdf in bsdfs() {
+            for _ in 0..200 {
+                let vertices = from_fn(|_| vertex(&mut rng));
+                let mut wi = Vec3s::default();
+                for lane in 0..LANES {
+                    // Half of the directions are near the peak.
+                    let any = uniform_sphere(rng.next_2d());
+                    let mirrored = reflect(vertices[lane].wo, vertices[lane].normal);
+                    let near = (mirrored + 0.2 * any).normalize();
+                    wi.set(lane, if lane % 2 == 0 { any } else { near });
+                }
+                let (wide, rough) = seen(&bsdf, &vertices).lobes(&wi);
+                for lane in 0..LANES {
+                    let at = &vertices[lane];
+                    let expected = bsdf.lobes(at, wi.get(lane));
+                    if at.wo.dot(at.normal).abs().min(wi.get(lane).dot(at.normal).abs()) < 1e-3 {
+                        continue; // cosines are rounded
+                    }
+                    assert_lobe((wide.value.get(lane), wide.pdf_w[lane]), &expected[0], &bsdf);
+                    assert_lobe((rough.value.get(lane), rough.pdf_w[lane]), &expected[1], &bsdf);
+                }
+            }
+        }
+    }
+
+    /// Moments of the light that samples of one vertex carry.
+    #[derive(Default)]
+    struct Moments {
+        count: f64,
+        sum: [DVec3; 3],
+        square: [DVec3; 3],
+    }
+
+    impl Moments {
+        fn add(&mut self, sample: Option<(Vec3, Rgb, bool)>) {
+            let (wi, weight, passes) = sample.unwrap_or_default();
+            let passing = if passes { weight } else { Rgb::ZERO };
+            let values = [weight, weight.x * wi, passing].map(Vec3::as_dvec3);
+            self.count += 1.0;
+            for (value, (sum, square)) in
+                values.into_iter().zip(self.sum.iter_mut().zip(&mut self.square))
+            {
+                *sum += value;
+                *square += value * value;
+            }
+        }
+
+        fn mean(&self, of: usize) -> (DVec3, DVec3) {
+            let mean = self.sum[of] / self.count;
+            (mean, (self.square[of] / self.count - mean * mean).max(DVec3::ZERO) / self.count)
+        }
+    }
+
+    #[test]
+    fn samples_of_sixteen_carry_the_light_of_those_of_one() {
+        let mut rng = StreamKey::new(4, Stream::Test, 0).rng(0);
+        for bsdf in bsdfs() {
+            for cos in [0.15_f32, 0.7, 1.0] {
+                let normal = Vec3::new(0.36, 0.48, 0.8);
+                let across = normal.any_orthonormal_vector();
+                let wo = (cos * normal + (1.0 - cos * cos).sqrt() * across).normalize();
+                let at = Vertex { normal, wo, front: true, tangent: None };
+                let seen = seen(&bsdf, &[at; LANES]);
+                let [mut together, mut single] = [Moments::default(), Moments::default()];
+                for _ in 0..3000 {
+                    let numbers = from_fn(|_| from_fn(|_| rng.next_1d()));
+                    let samples = seen.sample(&numbers);
+                    for lane in 0..LANES {
+                        let sample = samples.is_some[lane].then(|| {
+                            let (wi, weight) = (samples.wi.get(lane), samples.weight.get(lane));
+                            (wi, weight, samples.passes_through[lane])
+                        });
+                        together.add(sample);
+                        let one = bsdf.sample(&at, Transport::Radiance, LobeSet::All, &mut rng);
+                        single.add(one.map(|one| (one.wi, one.weight, one.lobe.passes_through())));
+                    }
+                }
+                for of in 0..3 {
+                    let ((one, error), (other, other_error)) = (together.mean(of), single.mean(of));
+                    let bound = 4.5 * (error + other_error).map(f64::sqrt) + 2e-6;
+                    let off = (one - other).abs();
+                    assert!(off.cmple(bound).all(), "{of}: {one} {other} {bound} {bsdf:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn samples_have_the_density_of_their_lobes() {
+        let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
+        for bsdf in bsdfs() {
+            let vertices = from_fn(|_| vertex(&mut rng));
+            let seen = seen(&bsdf, &vertices);
+            for _ in 0..100 {
+                let samples = seen.sample(&from_fn(|_| from_fn(|_| rng.next_1d())));
+                let (wide, rough) = seen.lobes(&samples.wi);
+                for lane in (0..LANES).filter(|&lane| samples.is_some[lane]) {
+                    let lobes = if samples.passes_through[lane] { &rough } else { &wide };
+                    if samples.is_delta[lane] {
+                        assert_eq!((lobes.pdf_w[lane], samples.pdf_w[lane]), (0.0, 0.0));
+                        continue;
+                    }
+                    assert_eq!(samples.pdf_w[lane], lobes.pdf_w[lane], "{bsdf:?}");
+                    let cos = samples.wi.get(lane).dot(vertices[lane].normal);
+                    let expected = lobes.value.get(lane) * (cos / lobes.pdf_w[lane]);
+                    let off = (samples.weight.get(lane) - expected).abs().max_element();
+                    assert!(off < 1e-5 * expected.max_element(), "{bsdf:?}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,297 @@
+//! Hits of diffuse bases, with or without a coat, whose normals and colors may vary: sixteen
+//! surfaces at a time, as [`Scene::surface`] has one.
+
+use super::bsdf::coats::{CoatedBase, CoatedBases, SeenCoats};
+use super::hit::Triangles;
+use super::shading::GRAZING;
+use super::triangle::Corners;
+use super::{Material, Mesh, Placement, Scene, Texture, Triangle};
+use crate::accel::HitPacket;
+use crate::base::math::Rgb;
+use crate::simd::dispatch::{Simd, transpose_rows};
+use crate::simd::{LANES, Mask, Vec3s, lanes_of};
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+/// Up to sixteen hits of triangles.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C, align(64))]
+pub struct CoatedHits {
+    /// Indices of the instances.
+    pub mesh: [u32; LANES],
+    /// Indices of the triangles within their meshes.
+    pub triangle: [u32; LANES],
+    /// Barycentric weights of the second vertices.
+    pub u: [f32; LANES],
+    /// Barycentric weights of the third vertices.
+    pub v: [f32; LANES],
+}
+
+/// Scratch memory for the data of surfaces that are hit.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CoatedScratch {
+    triangle: Triangles,
+    corners: CornerColumns,
+    coats: CoatedBases,
+}
+
+/// Sixteen [`Corners`].
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C, align(64))]
+struct CornerColumns {
+    normal_a: Vec3s,
+    normal_b: Vec3s,
+    normal_c: Vec3s,
+    /// Texture coordinates of each corner.
+    a: [[f32; LANES]; 2],
+    b: [[f32; LANES]; 2],
+    c: [[f32; LANES]; 2],
+    unused: [u32; LANES],
+}
+
+/// Vertices of sixteen paths at diffuse bases, with or without a coat; see
+/// [`Surface`](super::Surface).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CoatedVertices {
+    /// Paths that have a vertex; numbers of the others mean nothing.
+    pub active: Mask,
+    /// The points that were hit.
+    pub position: Vec3s,
+    /// Unit normals of the triangles on the rays' sides.
+    pub normal: Vec3s,
+    /// Unit normals by which the surfaces scatter.
+    pub shading_normal: Vec3s,
+    /// Vertices whose `shading_normal` may differ from that of the triangle.
+    pub is_bent: Mask,
+    /// Start points of new rays.
+    pub off_surface: Vec3s,
+    /// How the surfaces scatter.
+    pub bsdf: SeenCoats,
+}
+
+impl CoatedVertices {
+    /// Returns true if `wi` is on one side of both the triangle and the shading normal. See
+    /// [`Surface::agrees`](super::Surface::agrees).
+    #[inline(always)] // part of the loops over vertices
+    pub fn agrees(&self, lane: usize, wi: Vec3) -> bool {
+        let sides = self.normal.get(lane).dot(wi) * self.shading_normal.get(lane).dot(wi);
+        !self.is_bent[lane] | (sides > 0.0)
+    }
+}
+
+/// Hits of these materials may be shaded by [`Scene::coated_vertices`]. Those of others emit,
+/// bend normals by a map, disperse, or bound media.
+pub(super) fn coated_base(material: &Material) -> CoatedBase {
+    let is_plain = material.emission == Rgb::ZERO
+        && material.luminous_opening.is_none()
+        && material.normal_map.is_none()
+        && material.dispersion.is_none()
+        && material.boundary.is_none();
+    if is_plain { CoatedBase::of(&material.bsdf) } else { CoatedBase::default() }
+}
+
+/// Hits of this placement may be shaded by [`Scene::coated_vertices`]: it has no transform, and
+/// its mesh no colors.
+pub(super) fn is_plain(placement: &Placement, mesh: &Mesh) -> bool {
+    placement.transform.is_none() && mesh.colors.is_empty()
+}
+
+impl Scene {
+    /// Those of `lanes`, whose materials [`Self::lambertian`] found coated, that
+    /// [`Self::coated_vertices`] can shade.
+    #[inline(always)] // part of the loop over vertices
+    pub fn plain_placements(&self, hits: &HitPacket, lanes: u32) -> u32 {
+        let is_plain = |lane: usize| self.is_plain[hits.mesh[lane] as usize];
+        lanes_of(lanes).fold(0, |all, lane| all | u32::from(is_plain(lane)) << lane)
+    }
+
+    /// The surfaces of the first `count` hits of [`Self::plain_placements`], by rays of these unit
+    /// directions.
+    #[inline(always)] // part of the loop over vertices
+    pub fn coated_vertices(
+        &self,
+        simd: Simd,
+        directions: &Vec3s,
+        hits: &CoatedHits,
+        count: usize,
+        seen: &mut CoatedScratch,
+        at: &mut CoatedVertices,
+    ) {
+        let no_corners = Corners::default();
+        // Lanes without a hit read the first triangle.
+        let mut triangles = [&self.triangles[0]; LANES];
+        let mut coats = [&self.coated[0]; LANES];
+        let mut corners = [&no_corners; LANES];
+        for lane in 0..count {
+            let first = self.first_triangle[hits.mesh[lane] as usize];
+            let triangle = &self.triangles[(first + hits.triangle[lane]) as usize];
+            triangles[lane] = triangle;
+            coats[lane] = &self.coated[triangle.material as usize];
+            if (triangle.corners as usize) < self.corners.len() {
+                corners[lane] = &self.corners[triangle.corners as usize];
+            }
+        }
+        let CoatedScratch { triangle, corners: corner, coats: coat } = seen;
+        transpose_rows(simd, &triangles, triangle);
+        transpose_rows(simd, &corners, corner);
+        transpose_rows(simd, &coats, coat);
+        let (mut wo, mut color) = <(Vec3s, Vec3s)>::default();
+        let mut uv = [[0.0; LANES]; 2];
+        let mut front = Mask::default();
+        for lane in 0..LANES {
+            at.active[lane] = lane < count;
+            let direction = directions.get(lane);
+            let own = triangle.normal.get(lane);
+            front[lane] = own.dot(direction) <= 0.0;
+            let side = if front[lane] { 1.0 } else { -1.0 };
+            let normal = own * side;
+            let (u, v) = (hits.u[lane], hits.v[lane]);
+            let (edge1, edge2) = (triangle.edge1.get(lane), triangle.edge2.get(lane));
+            let position = triangle.origin.get(lane) + u * edge1 + v * edge2;
+            at.position.set(lane, position);
+            at.normal.set(lane, normal);
+            at.off_surface.set(lane, position + normal * triangle.offset[lane]);
+            wo.set(lane, -direction);
+            let w = 1.0 - u - v;
+            for axis in 0..2 {
+                let (a, b) = (corner.a[axis][lane], corner.b[axis][lane]);
+                uv[axis][lane] = w * a + u * b + v * corner.c[axis][lane];
+            }
+            let (a, b) = (corner.normal_a.get(lane), corner.normal_b.get(lane));
+            let c = corner.normal_c.get(lane);
+            let off = (a - own).abs().max((b - own).abs()).max((c - own).abs());
+            let has_corners = triangle.corners[lane] < Triangle::PLACED;
+            let smooth = w * a + u * b + v * c;
+            let length2 = smooth.length_squared();
+            let smooth = smooth * (side * length2.max(1e-30).sqrt().recip());
+            // theory.md (33)
+            let lift = (GRAZING + smooth.dot(direction)).max(0.0) * coat.has_coat(lane);
+            let lifted = smooth - lift * direction;
+            let lifted = lifted * lifted.length_squared().max(1e-30).sqrt().recip();
+            let is_bent = has_corners & (off.max_element() > 0.0);
+            let shading = if is_bent & (length2 > 1e-30) { lifted } else { normal };
+            at.shading_normal.set(lane, shading);
+            at.is_bent[lane] = is_bent;
+        }
+        let mut textures = [None; LANES];
+        for lane in 0..count {
+            let material = &self.materials[triangle.material[lane] as usize];
+            if let Some(texture) = &material.albedo_texture {
+                textures[lane] = Some(&**texture);
+            }
+        }
+        Texture::colors(&textures, &uv, &mut color);
+        at.bsdf = SeenCoats::new(coat, &color, &front, &at.shading_normal, &wo);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::{Hit, Ray};
+    use crate::base::math::uniform_sphere;
+    use crate::base::rng::{Stream, StreamKey};
+    use crate::scene::bsdf::{Bsdf, FacetModel, Facets, Plastic, Transport};
+    use crate::scene::{Arrangement, Camera, FieldOfView};
+    use std::array::from_fn;
+    use std::sync::Arc;
+
+    /// Meshes of two triangles: with normals, with textures, with both, and with neither.
+    fn scene() -> Scene {
+        let texels = (0..12).map(|i| [20 * i, 255 - 9 * i, 7 * i, 255]).collect();
+        let texture = Arc::new(Texture::new(4, 3, texels));
+        let facets = Facets { model: FacetModel::Ggx, alpha: 0.1 };
+        let plastic = Plastic::new(Rgb::new(0.7, 0.2, 0.4), 1.5, facets, true);
+        let bsdfs = [Bsdf::diffuse(Rgb::splat(0.8)), Bsdf::Plastic(plastic)];
+        let materials = (0..4)
+            .map(|i| Material {
+                albedo_texture: (i > 1).then(|| Arc::clone(&texture)),
+                ..Material::new("any", bsdfs[i % 2])
+            })
+            .collect();
+        let mesh = |i: u32| Mesh {
+            positions: [[0, 0, 0], [2, 0, 1], [2, 1, 0], [0, 2, 1]]
+                .map(|p| Vec3::from(p.map(|c| c as f32)) + Vec3::splat(i as f32))
+                .to_vec(),
+            normals: match i / 4 {
+                0 => vec![],
+                _ => (1..5).map(|k| Vec3::new(0.3, -0.9, 0.4 * k as f32).normalize()).collect(),
+            },
+            uvs: (0..4).map(|k| glam::Vec2::new(0.9 * k as f32, 0.3 * k as f32)).collect(),
+            triangles: vec![[0, 1, 2], [2, 3, 0]],
+            material: i % 4,
+            ..Mesh::default()
+        };
+        let arrangement = Arrangement::from((0..8).map(mesh).collect::<Vec<_>>());
+        let camera = Camera::look(Vec3::Z, -Vec3::Z, Vec3::Y, FieldOfView::X(60.0)).unwrap();
+        Scene::new("any".into(), arrangement, materials, vec![], camera, vec![]).unwrap()
+    }
+
+    #[test]
+    fn surfaces_of_sixteen_are_those_of_one() {
+        let scene = scene();
+        let mut rng = StreamKey::new(6, Stream::Test, 0).rng(0);
+        let (mut scratch, mut at) = <(CoatedScratch, CoatedVertices)>::default();
+        let simd = Simd::default();
+        for _ in 0..300 {
+            let mut hits = HitPacket::default();
+            let mut directions = Vec3s::default();
+            for lane in 0..LANES {
+                let [u, v] = rng.next_2d();
+                let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+                let (mesh, triangle) = (rng.next_u32() % 8, rng.next_u32() % 2);
+                hits.set(lane, &Hit { t: 1.0, u, v, mesh, triangle });
+                directions.set(lane, uniform_sphere(rng.next_2d()));
+            }
+            assert_eq!(scene.plain_placements(&hits, 0xffff), 0xffff);
+            let HitPacket { mesh, triangle, u, v, .. } = hits;
+            let own = CoatedHits { mesh, triangle, u, v };
+            let count = 1 + (rng.next_u32() % 16) as usize;
+            scene.coated_vertices(simd, &directions, &own, count, &mut scratch, &mut at);
+            let mut wi = Vec3s::default();
+            let surfaces: [_; LANES] = from_fn(|lane| {
+                let ray = Ray::new(Vec3::ZERO, directions.get(lane));
+                scene.surface(&ray, &hits.get(lane))
+            });
+            for (lane, surface) in surfaces.iter().enumerate() {
+                wi.set(lane, (surface.normal + 0.8 * uniform_sphere(rng.next_2d())).normalize());
+            }
+            let (wide, _) = at.bsdf.lobes(&wi);
+            for (lane, surface) in surfaces.iter().enumerate() {
+                assert_eq!(at.active[lane], lane < count);
+                if lane >= count {
+                    continue;
+                }
+                let vertex = surface.vertex(Transport::Radiance);
+                for (own, expected) in [
+                    (&at.position, surface.position),
+                    (&at.normal, surface.normal),
+                    (&at.off_surface, surface.off_surface),
+                    (&at.shading_normal, vertex.normal),
+                ] {
+                    let off = (own.get(lane) - expected).length();
+                    assert!(off < 2e-6 * (1.0 + expected.length()), "{off}");
+                }
+                assert_eq!(at.is_bent[lane], surface.interpolated.is_some());
+                assert_eq!(at.agrees(lane, wi.get(lane)), surface.agrees(&vertex, wi.get(lane)));
+                let expected = surface.bsdf.lobes(&vertex, wi.get(lane))[0].value;
+                let off = (wide.value.get(lane) - expected).length();
+                assert!(off < 1e-4 * expected.length() + 1e-6, "{off} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn colored_and_moved_meshes_are_not_plain() {
+        let scene = scene();
+        let [placement, mesh] = [0, 0];
+        let (placement, mesh) = (scene.placements[placement], &scene.meshes[mesh]);
+        assert!(is_plain(&placement, mesh));
+        let colored = Mesh { colors: vec![Rgb::ONE; 4], ..mesh.clone() };
+        assert!(!is_plain(&placement, &colored));
+        let emits = Material { emission: Rgb::ONE, ..scene.materials[0].clone() };
+        assert_eq!(coated_base(&emits).flags & CoatedBase::IS_BASE, 0);
+        let mirror = Material::new("mirror", Bsdf::Mirror { reflectance: Rgb::ONE });
+        assert_eq!(coated_base(&mirror).flags & CoatedBase::IS_BASE, 0);
+    }
+}
