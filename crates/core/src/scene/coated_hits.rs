@@ -2,6 +2,8 @@
 //! surfaces at a time, as [`Scene::surface`] has one.
 
 use super::bsdf::coats::{CoatedBase, CoatedBases, SeenCoats};
+use super::bsdf::{Bsdf, Vertex};
+use super::diffuse::TriangleSide;
 use super::hit::Triangles;
 use super::shading::GRAZING;
 use super::triangle::Corners;
@@ -55,12 +57,20 @@ struct CornerColumns {
 pub struct CoatedVertices {
     /// Paths that have a vertex; numbers of the others mean nothing.
     pub active: Mask,
+    /// Instances that they are on; see [`TriangleSide`].
+    mesh: [u32; LANES],
+    /// Sides of triangles that they are on.
+    side: [u32; LANES],
+    /// Indices of their materials.
+    material: [u32; LANES],
     /// The points that were hit.
     pub position: Vec3s,
     /// Unit normals of the triangles on the rays' sides.
     pub normal: Vec3s,
     /// Unit normals by which the surfaces scatter.
     pub shading_normal: Vec3s,
+    /// Unit normals between those of the corners.
+    interpolated: Vec3s,
     /// Vertices whose `shading_normal` may differ from that of the triangle.
     pub is_bent: Mask,
     /// Start points of new rays.
@@ -76,6 +86,39 @@ impl CoatedVertices {
     pub fn agrees(&self, lane: usize, wi: Vec3) -> bool {
         let sides = self.normal.get(lane).dot(wi) * self.shading_normal.get(lane).dot(wi);
         !self.is_bent[lane] | (sides > 0.0)
+    }
+
+    /// The side of the triangle that was hit.
+    pub fn facet(&self, lane: usize) -> TriangleSide {
+        TriangleSide { mesh: self.mesh[lane], side: self.side[lane] }
+    }
+
+    /// Unit normal between those of the corners, if the surface is bent.
+    pub fn interpolated(&self, lane: usize) -> Option<Vec3> {
+        self.is_bent[lane].then(|| self.interpolated.get(lane))
+    }
+
+    /// The arguments of the BSDF. See [`Surface::vertex`](super::Surface::vertex).
+    pub fn vertex(&self, lane: usize) -> Vertex {
+        let normal = self.shading_normal.get(lane);
+        let front = self.side[lane] & 1 == 0;
+        Vertex { normal, wo: self.bsdf.wo().get(lane), front, tangent: None }
+    }
+
+    /// The surfaces as light from `wi` sees them, which scatters it back along the paths. See
+    /// [`Surface::vertex_from`](super::Surface::vertex_from).
+    #[inline(always)]
+    pub fn seen_by_light(&self, wi: &Vec3s) -> SeenCoats {
+        let mut normals = Vec3s::default();
+        for lane in 0..LANES {
+            let (smooth, wi) = (self.interpolated.get(lane), wi.get(lane));
+            // theory.md (33)
+            let lifted = smooth + (GRAZING - smooth.dot(wi)).max(0.0) * wi;
+            let lifted = lifted * lifted.length_squared().max(1e-30).sqrt().recip();
+            let bends = self.is_bent[lane] & (self.bsdf.has_coat(lane) > 0.0);
+            normals.set(lane, if bends { lifted } else { self.normal.get(lane) });
+        }
+        self.bsdf.seen_from(&normals, wi)
     }
 }
 
@@ -97,6 +140,16 @@ pub(super) fn is_plain(placement: &Placement, mesh: &Mesh) -> bool {
 }
 
 impl Scene {
+    /// The BSDF of a vertex.
+    pub fn coated_bsdf(&self, at: &CoatedVertices, lane: usize) -> Bsdf {
+        let albedo = at.bsdf.albedo.get(lane);
+        match self.materials[at.material[lane] as usize].bsdf {
+            Bsdf::Lambertian { two_sided, .. } => Bsdf::Lambertian { albedo, two_sided },
+            Bsdf::Plastic(plastic) => Bsdf::Plastic(plastic.with_albedo(albedo)),
+            other => other,
+        }
+    }
+
     /// Those of `lanes`, whose materials [`Self::lambertian`] found coated, that
     /// [`Self::coated_vertices`] can shade.
     #[inline(always)] // part of the loop over vertices
@@ -143,6 +196,9 @@ impl Scene {
             let direction = directions.get(lane);
             let own = triangle.normal.get(lane);
             front[lane] = own.dot(direction) <= 0.0;
+            at.mesh[lane] = hits.mesh[lane];
+            at.side[lane] = TriangleSide::new(0, hits.triangle[lane], front[lane]).side;
+            at.material[lane] = triangle.material[lane];
             let side = if front[lane] { 1.0 } else { -1.0 };
             let normal = own * side;
             let (u, v) = (hits.u[lane], hits.v[lane]);
@@ -169,8 +225,9 @@ impl Scene {
             let lifted = smooth - lift * direction;
             let lifted = lifted * lifted.length_squared().max(1e-30).sqrt().recip();
             let is_bent = has_corners & (off.max_element() > 0.0);
-            let shading = if is_bent & (length2 > 1e-30) { lifted } else { normal };
-            at.shading_normal.set(lane, shading);
+            let is_smooth = is_bent & (length2 > 1e-30);
+            at.shading_normal.set(lane, if is_smooth { lifted } else { normal });
+            at.interpolated.set(lane, if is_smooth { smooth } else { normal });
             at.is_bent[lane] = is_bent;
         }
         let mut textures = [None; LANES];
@@ -191,7 +248,7 @@ mod tests {
     use crate::accel::{Hit, Ray};
     use crate::base::math::uniform_sphere;
     use crate::base::rng::{Stream, StreamKey};
-    use crate::scene::bsdf::{Bsdf, FacetModel, Facets, Plastic, Transport};
+    use crate::scene::bsdf::{FacetModel, Facets, Plastic, Transport};
     use crate::scene::{Arrangement, Camera, FieldOfView};
     use std::array::from_fn;
     use std::sync::Arc;
@@ -257,6 +314,8 @@ mod tests {
                 wi.set(lane, (surface.normal + 0.8 * uniform_sphere(rng.next_2d())).normalize());
             }
             let (wide, _) = at.bsdf.lobes(&wi);
+            let reversed = at.seen_by_light(&wi);
+            let (back, _) = reversed.lobes(at.bsdf.wo());
             for (lane, surface) in surfaces.iter().enumerate() {
                 assert_eq!(at.active[lane], lane < count);
                 if lane >= count {
@@ -273,10 +332,23 @@ mod tests {
                     assert!(off < 2e-6 * (1.0 + expected.length()), "{off}");
                 }
                 assert_eq!(at.is_bent[lane], surface.interpolated.is_some());
+                assert_eq!(at.facet(lane), surface.facet);
+                assert_eq!(at.vertex(lane).front, vertex.front);
+                assert_eq!(scene.coated_bsdf(&at, lane).spread(), surface.bsdf.spread());
+                let off = scene.coated_bsdf(&at, lane).color(true) - surface.bsdf.color(true);
+                assert!(off.length() < 1e-6, "{off}");
                 assert_eq!(at.agrees(lane, wi.get(lane)), surface.agrees(&vertex, wi.get(lane)));
                 let expected = surface.bsdf.lobes(&vertex, wi.get(lane))[0].value;
                 let off = (wide.value.get(lane) - expected).length();
                 assert!(off < 1e-4 * expected.length() + 1e-6, "{off} {expected}");
+                let from_light = surface.vertex_from(wi.get(lane), Transport::Flux);
+                let expected = surface.bsdf.lobes(&from_light, surface.wo)[0];
+                let off = (back.value.get(lane) - expected.value).length();
+                assert!(off < 1e-4 * expected.value.length() + 1e-6, "{off} {expected:?}");
+                let off = (back.pdf_w[lane] - expected.pdf_w).abs();
+                assert!(off < 1e-4 * expected.pdf_w + 1e-6, "{off} {expected:?}");
+                let off = (reversed.pass_prob(lane) - surface.bsdf.pass_prob(&from_light)).abs();
+                assert!(off < 1e-4, "{off}");
             }
         }
     }

@@ -147,8 +147,13 @@ impl GatherPoints {
     /// Sets the density of merges at earlier vertices of the last point, over the density of light
     /// paths there.
     pub(crate) fn set_earlier_merges(&mut self, earlier: f32) {
+        self.set_last_partials(GatherPartials { earlier, camera: 0.0 });
+    }
+
+    /// Sets the MIS partials of the last point.
+    pub(crate) fn set_last_partials(&mut self, partials: GatherPartials) {
         let last = self.taken - 1;
-        self.last_partials()[last % LANES] = GatherPartials { earlier, camera: 0.0 };
+        self.last_partials()[last % LANES] = partials;
     }
 
     /// Sets the MIS partials of the last packet of points.

@@ -241,29 +241,70 @@ impl SeenCoats {
         normal: &Vec3s,
         wo: &Vec3s,
     ) -> Self {
-        let mut seen = Self { coats: *coats, normal: *normal, wo: *wo, ..Self::default() };
+        let mut seen = Self { coats: *coats, ..Self::default() };
         for lane in 0..LANES {
             let reflects = front[lane] | coats.has(CoatedBase::TWO_SIDED, lane);
-            let albedo =
-                coats.albedo.get(lane) * color.get(lane) * if reflects { 1.0 } else { 0.0 };
+            let side = if reflects { 1.0 } else { 0.0 };
+            let albedo = coats.albedo.get(lane) * color.get(lane) * side;
             let saturates = coats.saturates[lane];
             let again = albedo * saturates + (1.0 - saturates);
             let saturation = (Rgb::ONE - again * coats.inside[lane]).max(Rgb::splat(1e-6));
             let eta2 = coats.eta[lane] * coats.eta[lane];
-            let base = albedo * FRAC_1_PI / (eta2 * saturation);
-            let cos = normal.get(lane).dot(wo.get(lane));
-            let enters = coats.transmittance(lane, cos);
-            let coat = (1.0 - enters) * coats.tint.get(lane).max_element();
-            let below = PI * base.max_element() * enters * coats.mean_transmittance[lane];
-            let prob = if below > 0.0 { (coat / (coat + below)).min(1.0 - 1e-3) } else { 1.0 };
-            let has_coat = coats.has(CoatedBase::HAS_COAT, lane);
             seen.albedo.set(lane, albedo);
-            seen.base.set(lane, base);
+            seen.base.set(lane, albedo * FRAC_1_PI / (eta2 * saturation));
+        }
+        seen.seen_from(normal, wo)
+    }
+
+    /// The same surfaces, seen from other directions `wo` by these shading normals.
+    #[inline(always)]
+    pub fn seen_from(&self, normal: &Vec3s, wo: &Vec3s) -> Self {
+        let mut seen = Self { normal: *normal, wo: *wo, ..*self };
+        for lane in 0..LANES {
+            let cos = normal.get(lane).dot(wo.get(lane));
+            let enters = self.coats.transmittance(lane, cos);
+            let coat = (1.0 - enters) * self.coats.tint.get(lane).max_element();
+            let base = self.base.get(lane).max_element();
+            let below = PI * base * enters * self.coats.mean_transmittance[lane];
+            let prob = if below > 0.0 { (coat / (coat + below)).min(1.0 - 1e-3) } else { 1.0 };
+            let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
             seen.cos[lane] = cos;
             seen.enters[lane] = enters;
             seen.coat_prob[lane] = if has_coat { prob } else { 0.0 };
         }
         seen
+    }
+
+    /// 1 if the surface of a lane has a coat, else 0.
+    #[inline(always)]
+    pub fn has_coat(&self, lane: usize) -> f32 {
+        self.coats.has_coat(lane)
+    }
+
+    /// Photons merge at the surface of a lane; see [`Bsdf::merges`].
+    #[inline(always)]
+    pub fn merges(&self, lane: usize) -> bool {
+        let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
+        !has_coat | !self.is_narrow(lane) | (self.coats.albedo.get(lane).max_element() > 0.0)
+    }
+
+    /// Unit vectors toward the viewers.
+    #[inline(always)]
+    pub fn wo(&self) -> &Vec3s {
+        &self.wo
+    }
+
+    /// Unit shading normal of a lane.
+    #[inline(always)]
+    pub fn normal(&self, lane: usize) -> Vec3 {
+        self.normal.get(lane)
+    }
+
+    /// Probability that samples pass through; see [`Bsdf::pass_prob`].
+    #[inline(always)]
+    pub fn pass_prob(&self, lane: usize) -> f32 {
+        let is_seen = self.is_narrow(lane) & (self.cos[lane] > 0.0);
+        if is_seen { self.coat_prob[lane] } else { 0.0 }
     }
 
     /// Surfaces whose coat is rough, but narrow: its lobe is of a class of its own.
@@ -392,183 +433,4 @@ impl SeenCoats {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::base::math::uniform_sphere;
-    use crate::base::rng::{Rng, Stream, StreamKey};
-    use crate::scene::bsdf::{LobeSet, LobeValue, Transport, Vertex};
-    use glam::DVec3;
-    use std::array::from_fn;
-
-    fn bsdfs() -> Vec<Bsdf> {
-        let albedo = Rgb::new(0.8, 0.3, 0.1);
-        let plastic = |model, alpha, is_nonlinear| {
-            let facets = Facets { model, alpha };
-            Bsdf::Plastic(Plastic::new(albedo, 1.5, facets, is_nonlinear))
-        };
-        vec![
-            Bsdf::Lambertian { albedo, two_sided: true },
-            Bsdf::Lambertian { albedo, two_sided: false },
-            plastic(FacetModel::Ggx, 0.0, true),
-            plastic(FacetModel::Ggx, 0.1, false),
-            plastic(FacetModel::Ggx, 0.4, true),
-            plastic(FacetModel::Beckmann, 0.05, true),
-            plastic(FacetModel::Beckmann, 0.6, false),
-            plastic(FacetModel::Correlated, 0.2, false),
-            Bsdf::Plastic(
-                Plastic::new(Rgb::ZERO, 1.3, Facets { model: FacetModel::Ggx, alpha: 0.2 }, true)
-                    .tinted(Rgb::new(0.5, 1.0, 0.2)),
-            ),
-        ]
-    }
-
-    /// Sixteen surfaces of one BSDF, seen from these vertices.
-    fn seen(bsdf: &Bsdf, vertices: &[Vertex; LANES]) -> SeenCoats {
-        let rows = [CoatedBase::of(bsdf); LANES];
-        assert!(rows[0].flags & CoatedBase::IS_BASE != 0);
-        let mut coats = CoatedBases::default();
-        let simd = crate::simd::dispatch::Simd::default();
-        crate::simd::dispatch::transpose_rows(simd, &rows.each_ref(), &mut coats);
-        let (mut normal, mut wo) = <(Vec3s, Vec3s)>::default();
-        for (lane, vertex) in vertices.iter().enumerate() {
-            normal.set(lane, vertex.normal);
-            wo.set(lane, vertex.wo);
-        }
-        let front = vertices.map(|vertex| vertex.front);
-        SeenCoats::new(&coats, &Vec3s::splat(Rgb::ONE), &front, &normal, &wo)
-    }
-
-    /// A vertex that is mostly seen from above.
-    fn vertex(rng: &mut Rng) -> Vertex {
-        let normal = uniform_sphere(rng.next_2d());
-        let wo = uniform_sphere(rng.next_2d());
-        let below = wo.dot(normal) < 0.0 && rng.next_1d() < 0.9;
-        let wo = if below { -wo } else { wo };
-        Vertex { normal, wo, front: rng.next_1d() < 0.5, tangent: None }
-    }
-
-    #[track_caller]
-    fn assert_lobe(found: (Rgb, f32), expected: &LobeValue, what: &Bsdf) {
-        // Error functions are in double precision there, and in single precision here.
-        let tolerance = |size: f32| 1e-6 + 1e-3 * size;
-        let off = (found.0 - expected.value).abs().max_element();
-        assert!(off <= tolerance(expected.value.max_element()), "{found:?} {expected:?} {what:?}");
-        let off = (found.1 - expected.pdf_w).abs();
-        assert!(off <= tolerance(expected.pdf_w), "{found:?} {expected:?} {what:?}");
-    }
-
-    #[test]
-    fn lobes_of_sixteen_are_those_of_one() {
-        let mut rng = StreamKey::new(3, Stream::Test, 0).rng(0);
-        for bsdf in bsdfs() {
-            for _ in 0..200 {
-                let vertices = from_fn(|_| vertex(&mut rng));
-                let mut wi = Vec3s::default();
-                for lane in 0..LANES {
-                    // Half of the directions are near the peak.
-                    let any = uniform_sphere(rng.next_2d());
-                    let mirrored = reflect(vertices[lane].wo, vertices[lane].normal);
-                    let near = (mirrored + 0.2 * any).normalize();
-                    wi.set(lane, if lane % 2 == 0 { any } else { near });
-                }
-                let (wide, rough) = seen(&bsdf, &vertices).lobes(&wi);
-                for lane in 0..LANES {
-                    let at = &vertices[lane];
-                    let expected = bsdf.lobes(at, wi.get(lane));
-                    if at.wo.dot(at.normal).abs().min(wi.get(lane).dot(at.normal).abs()) < 1e-3 {
-                        continue; // cosines are rounded
-                    }
-                    assert_lobe((wide.value.get(lane), wide.pdf_w[lane]), &expected[0], &bsdf);
-                    assert_lobe((rough.value.get(lane), rough.pdf_w[lane]), &expected[1], &bsdf);
-                }
-            }
-        }
-    }
-
-    /// Moments of the light that samples of one vertex carry.
-    #[derive(Default)]
-    struct Moments {
-        count: f64,
-        sum: [DVec3; 3],
-        square: [DVec3; 3],
-    }
-
-    impl Moments {
-        fn add(&mut self, sample: Option<(Vec3, Rgb, bool)>) {
-            let (wi, weight, passes) = sample.unwrap_or_default();
-            let passing = if passes { weight } else { Rgb::ZERO };
-            let values = [weight, weight.x * wi, passing].map(Vec3::as_dvec3);
-            self.count += 1.0;
-            for (value, (sum, square)) in
-                values.into_iter().zip(self.sum.iter_mut().zip(&mut self.square))
-            {
-                *sum += value;
-                *square += value * value;
-            }
-        }
-
-        fn mean(&self, of: usize) -> (DVec3, DVec3) {
-            let mean = self.sum[of] / self.count;
-            (mean, (self.square[of] / self.count - mean * mean).max(DVec3::ZERO) / self.count)
-        }
-    }
-
-    #[test]
-    fn samples_of_sixteen_carry_the_light_of_those_of_one() {
-        let mut rng = StreamKey::new(4, Stream::Test, 0).rng(0);
-        for bsdf in bsdfs() {
-            for cos in [0.15_f32, 0.7, 1.0] {
-                let normal = Vec3::new(0.36, 0.48, 0.8);
-                let across = normal.any_orthonormal_vector();
-                let wo = (cos * normal + (1.0 - cos * cos).sqrt() * across).normalize();
-                let at = Vertex { normal, wo, front: true, tangent: None };
-                let seen = seen(&bsdf, &[at; LANES]);
-                let [mut together, mut single] = [Moments::default(), Moments::default()];
-                for _ in 0..3000 {
-                    let numbers = from_fn(|_| from_fn(|_| rng.next_1d()));
-                    let samples = seen.sample(&numbers);
-                    for lane in 0..LANES {
-                        let sample = samples.is_some[lane].then(|| {
-                            let (wi, weight) = (samples.wi.get(lane), samples.weight.get(lane));
-                            (wi, weight, samples.passes_through[lane])
-                        });
-                        together.add(sample);
-                        let one = bsdf.sample(&at, Transport::Radiance, LobeSet::All, &mut rng);
-                        single.add(one.map(|one| (one.wi, one.weight, one.lobe.passes_through())));
-                    }
-                }
-                for of in 0..3 {
-                    let ((one, error), (other, other_error)) = (together.mean(of), single.mean(of));
-                    let bound = 4.5 * (error + other_error).map(f64::sqrt) + 2e-6;
-                    let off = (one - other).abs();
-                    assert!(off.cmple(bound).all(), "{of}: {one} {other} {bound} {bsdf:?}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn samples_have_the_density_of_their_lobes() {
-        let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
-        for bsdf in bsdfs() {
-            let vertices = from_fn(|_| vertex(&mut rng));
-            let seen = seen(&bsdf, &vertices);
-            for _ in 0..100 {
-                let samples = seen.sample(&from_fn(|_| from_fn(|_| rng.next_1d())));
-                let (wide, rough) = seen.lobes(&samples.wi);
-                for lane in (0..LANES).filter(|&lane| samples.is_some[lane]) {
-                    let lobes = if samples.passes_through[lane] { &rough } else { &wide };
-                    if samples.is_delta[lane] {
-                        assert_eq!((lobes.pdf_w[lane], samples.pdf_w[lane]), (0.0, 0.0));
-                        continue;
-                    }
-                    assert_eq!(samples.pdf_w[lane], lobes.pdf_w[lane], "{bsdf:?}");
-                    let cos = samples.wi.get(lane).dot(vertices[lane].normal);
-                    let expected = lobes.value.get(lane) * (cos / lobes.pdf_w[lane]);
-                    let off = (samples.weight.get(lane) - expected).abs().max_element();
-                    assert!(off < 1e-5 * expected.max_element(), "{bsdf:?}");
-                }
-            }
-        }
-    }
-}
+mod tests;

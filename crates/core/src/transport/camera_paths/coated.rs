@@ -6,16 +6,21 @@ use super::mis::LastVertex;
 use super::non_diffuse::{LONG_CHAIN, LONG_CHAIN_END, WEIGHT_FLOOR};
 use super::{CameraPass, CameraPaths, Connections};
 use crate::accel::HitPacket;
-use crate::base::math::Rgb;
+use crate::base::math::{Rgb, luminance};
 use crate::scene::coated_hits::{CoatedHits, CoatedScratch, CoatedVertices};
 use crate::scene::{Receiver, Receivers};
+use crate::settings::Settings;
 use crate::simd::dispatch::Simd;
 use crate::simd::{LANES, Mask, Vec3s, any};
+use crate::transport::gather::{GatherPoint, GatherView};
 use crate::transport::light_paths::survival;
-use crate::transport::mis::densities::{Survival, rough_density_of};
+use crate::transport::mis::Mis;
+use crate::transport::mis::densities::{MIN_DENSITY, Survival, rough_density_of};
+use crate::transport::mis::weights::CameraPartial;
 use crate::transport::path_queue::Columns;
 use crate::transport::path_state::PathStates;
 use bytemuck::{Pod, Zeroable};
+use std::f32::consts::FRAC_1_PI;
 
 /// Sixteen segments that end at diffuse bases with or without a coat.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -30,13 +35,39 @@ impl Columns<20> for CoatedSegments {
 }
 
 impl CameraPass<'_> {
-    /// Vertices at bases and coats are shaded together: nothing merges or measures there, and there
-    /// are no media.
+    /// Vertices at bases and coats are shaded together.
     #[inline(always)]
     pub(super) fn shades_coats_together(&self) -> bool {
-        let Self { scene, settings, .. } = self;
+        let Self { scene, settings: Settings { strategy, .. }, .. } = self;
         let is_plain = scene.media().is_none() && scene.meters().is_none();
-        !settings.strategy.has_photons() && is_plain
+        strategy.is_weighted() && strategy.continues() && is_plain
+    }
+}
+
+/// Densities in projected solid angle with which light from the direction of a connection or a
+/// sample scatters back along camera paths. All are 0 if nothing merges.
+#[derive(Clone, Copy, Debug, Default)]
+struct LightDensities {
+    wide: [f32; LANES],
+    rough: [f32; LANES],
+    /// Probabilities that light passes through.
+    pass_prob: [f32; LANES],
+}
+
+impl LightDensities {
+    #[inline(always)]
+    fn new(at: &CoatedVertices, wi: &Vec3s) -> Self {
+        let seen = at.seen_by_light(wi);
+        let (wide, rough) = seen.lobes(at.bsdf.wo());
+        let mut own = Self::default();
+        for lane in 0..LANES {
+            let cos = at.bsdf.wo().get(lane).dot(seen.normal(lane));
+            let value = wide.value.get(lane).max_element();
+            own.wide[lane] = Survival::LIGHT.density_from(value, wide.pdf_w[lane], cos);
+            own.rough[lane] = rough_density_of(rough.pdf_w[lane], cos);
+            own.pass_prob[lane] = seen.pass_prob(lane);
+        }
+        own
     }
 }
 
@@ -80,10 +111,73 @@ impl CameraPaths {
             if self.records_aovs {
                 self.record_coated(pass, &at, states);
             }
-            self.connect_coated(simd, pass, &at, states);
-            self.leave_coated(simd, &at, states);
+            let Some(mis) = self.mis else { unreachable!("a weighted strategy") };
+            let partials = self.arriving_partials(&states.path);
+            if pass.settings.strategy.has_photons() {
+                self.gather_coated(pass, &mis, &at, &partials, states);
+            }
+            self.connect_coated(simd, pass, &mis, &at, &partials, states);
+            self.leave_coated(simd, &mis, &at, &partials, states);
         }
         self.coated.clear();
+    }
+
+    /// MIS partials of paths where they arrive.
+    #[inline(always)]
+    fn arriving_partials(&self, path: &[u32; LANES]) -> [CameraPartial; LANES] {
+        let mut partials = [CameraPartial::default(); LANES];
+        for (partial, &path) in partials.iter_mut().zip(path) {
+            // Lanes without a path have any number.
+            if let Some(last) = self.last_vertices.get(path as usize) {
+                *partial = last.partial;
+            }
+        }
+        partials
+    }
+
+    /// Stores gather points.
+    #[inline(never)] // keeps the loop of paths without photons short
+    fn gather_coated(
+        &mut self,
+        pass: &CameraPass,
+        mis: &Mis,
+        at: &CoatedVertices,
+        partials: &[CameraPartial; LANES],
+        states: &PathStates,
+    ) {
+        for lane in 0..LANES {
+            let (history, carried) = (states.history[lane], states.weight.get(lane));
+            let vertex = history.diffuse() + 1;
+            if !(at.active[lane] && pass.gathers_at(vertex) && at.bsdf.merges(lane)) {
+                continue;
+            }
+            let mut point = GatherPoint {
+                position: at.position.get(lane),
+                path: states.path[lane],
+                weight: carried,
+                vertex,
+                wavelength: history.wavelength(),
+                normal: at.normal.get(lane),
+                facet: at.facet(lane),
+                view: self.views.len() as u32,
+            };
+            if at.is_bent[lane] || at.bsdf.has_coat(lane) > 0.0 {
+                let (bsdf, interpolated) =
+                    (pass.scene.coated_bsdf(at, lane), at.interpolated(lane));
+                self.views.push(GatherView { bsdf, at: at.vertex(lane), interpolated });
+                self.gather_points.push(&point);
+                self.gather_points.set_earlier_merges(partials[lane].arrive(1.0));
+                continue;
+            }
+            let albedo = at.bsdf.albedo.get(lane);
+            // theory.md (27)
+            (point.weight, point.view) = (carried * albedo * FRAC_1_PI, GatherPoint::NO_VIEW);
+            let light = Survival::LIGHT.lambertian(albedo.max_element());
+            let camera = mis.camera_survival(vertex).lambertian(albedo.max_element());
+            let own = mis.balance.gather(vertex, partials[lane].arrive(light), camera);
+            self.gather_points.push(&point);
+            self.gather_points.set_last_partials(own);
+        }
     }
 
     /// Connects all vertices with light sources.
@@ -92,28 +186,43 @@ impl CameraPaths {
         &mut self,
         simd: Simd,
         pass: &CameraPass,
+        mis: &Mis,
         at: &CoatedVertices,
+        partials: &[CameraPartial; LANES],
         states: &mut PathStates,
     ) {
         let receivers =
             Receivers { active: &at.active, position: &at.position, normal: &at.normal };
-        let light = pass.scene.lights().connect_all(&receivers, &mut states.rng);
+        let lights = pass.scene.lights();
+        let light = lights.connect_all(&receivers, &mut states.rng);
         let (wide, rough) = at.bsdf.lobes(&light.wi);
+        let mut back = LightDensities::default();
+        if mis.balance.weighs_merges() {
+            back = LightDensities::new(at, &light.wi);
+        }
+        let inverse_power = lights.total_power().recip();
         let (mut sum, mut caustic) = <(Vec3s, Vec3s)>::default();
         for lane in 0..LANES {
             let number = states.history[lane].diffuse() + 1;
             let wi = light.wi.get(lane);
             let cos = wi.dot(at.shading_normal.get(lane)).abs();
-            let carried = states.weight.get(lane) * light.irradiance.get(lane);
+            let irradiance = light.irradiance.get(lane);
+            let carried = states.weight.get(lane) * irradiance;
             let carried = carried * if at.agrees(lane, wi) { cos } else { 0.0 };
-            // Without merges, theory.md (47g) is the balance of connections and hits.
-            let hits = wi.dot(at.normal.get(lane)).abs() * light.inverse_pdf_w[lane];
+            let cos_triangle = wi.dot(at.normal.get(lane)).abs();
+            // theory.md (47b), `l`
+            let l = luminance(irradiance) * cos_triangle * inverse_power / light.relative[lane];
+            let hits = cos_triangle * light.inverse_pdf_w[lane];
             let value = wide.value.get(lane);
             let density = survivors(number, value.max_element(), wide.pdf_w[lane], cos);
             let rough_density = rough_density_of(rough.pdf_w[lane], cos);
+            let merges = partials[lane].arrive(back.wide[lane]);
+            let rough_merges = mis.balance.caustic_merges(&partials[lane]) * back.rough[lane];
+            let weight = mis.balance.connection_weight(merges, l, density * hits);
+            let rough_weight = mis.balance.connection_weight(rough_merges, l, rough_density * hits);
             // theory.md (42), third and fourth line
-            let wide = carried * value * (1.0 + density * hits).recip();
-            let rough = carried * rough.value.get(lane) * (1.0 + rough_density * hits).recip();
+            let wide = carried * value * weight;
+            let rough = carried * rough.value.get(lane) * rough_weight;
             // Light of rough lobes after the first diffuse vertex is part of caustics.
             let is_caustic = if number == 2 { 1.0 } else { 0.0 };
             sum.set(lane, wide + rough * (1.0 - is_caustic));
@@ -133,17 +242,24 @@ impl CameraPaths {
 
     /// Continues the paths.
     #[inline(always)] // vectorized
-    fn leave_coated(&mut self, simd: Simd, at: &CoatedVertices, states: &mut PathStates) {
+    fn leave_coated(
+        &mut self,
+        simd: Simd,
+        mis: &Mis,
+        at: &CoatedVertices,
+        partials: &[CameraPartial; LANES],
+        states: &mut PathStates,
+    ) {
         let numbers = [states.rng.next_1d(), states.rng.next_1d(), states.rng.next_1d()];
         let samples = at.bsdf.sample(&numbers);
         let ends = states.rng.next_1d();
         if self.records_aovs {
             self.record_rough_samples(&at.active, &samples, states);
         }
-        let mut goes_on = Mask::default();
-        let mut density = [0.0; LANES];
+        let (mut goes_on, mut density) = (Mask::default(), [0.0; LANES]);
+        let before = states.history;
         for lane in 0..LANES {
-            let number = states.history[lane].diffuse() + 1;
+            let number = before[lane].diffuse() + 1;
             let (wi, weight) = (samples.wi.get(lane), samples.weight.get(lane));
             let passes = samples.passes_through[lane];
             let cos = wi.dot(at.shading_normal.get(lane));
@@ -153,8 +269,7 @@ impl CameraPaths {
             density[lane] = if passes { rough } else { wide };
             // theory.md (41)
             let carried = states.weight.get(lane) * weight;
-            let history = states.history[lane];
-            let (passed, scattered) = (history.passed_through(), history.scattered());
+            let (passed, scattered) = (before[lane].passed_through(), before[lane].scattered());
             states.history[lane] = if passes { passed } else { scattered };
             // theory.md (44)
             let share = carried.abs().max_element() * states.inverse_start[lane];
@@ -167,19 +282,30 @@ impl CameraPaths {
             goes_on[lane] = at.active[lane] & is_left & (ends[lane] < survival);
             states.weight.set(lane, carried / survival);
         }
+        let mut back = LightDensities::default();
+        if mis.balance.weighs_merges() {
+            back = LightDensities::new(at, &samples.wi);
+        }
         for lane in 0..LANES {
             if !goes_on[lane] {
                 continue;
             }
             let (position, normal) = (at.position.get(lane), at.normal.get(lane));
-            self.last_vertices[states.path[lane] as usize] = LastVertex {
-                receiver: Receiver { position, normal: Some(normal) },
-                normal,
-                density: density[lane],
-                is_diffuse: !samples.passes_through[lane],
-                // Nothing merges.
-                ..LastVertex::default()
+            let (density, number) = (density[lane], before[lane].diffuse() + 1);
+            let is_diffuse = !samples.passes_through[lane];
+            let partial = if is_diffuse {
+                mis.balance.leave(number, partials[lane].arrive(back.wide[lane]), density)
+            } else if partials[lane] == CameraPartial::default() {
+                partials[lane]
+            } else if samples.is_delta[lane] {
+                let camera = at.bsdf.pass_prob(lane).max(MIN_DENSITY);
+                partials[lane].pass(back.pass_prob[lane] / camera)
+            } else {
+                partials[lane].pass(back.rough[lane] / density)
             };
+            let receiver = Receiver { position, normal: Some(normal) };
+            self.last_vertices[states.path[lane] as usize] =
+                LastVertex { receiver, normal, density, partial, is_diffuse };
         }
         states.origin = at.off_surface;
         states.direction = samples.wi;

@@ -8,11 +8,10 @@ use crate::base::rng::Rng;
 use crate::scene::bsdf::{Lobe, LobeSet, LobeValue, Transport, Vertex};
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::{LightSample, Receiver, Scene, Surface};
-use crate::simd::{LANES, Vec3s, lanes_of};
+use crate::simd::{LANES, lanes_of};
 use crate::transport::gather::{GatherPoint, GatherView};
 use crate::transport::light_paths::survival;
 use crate::transport::path_state::{PathState, PathStates, other_surface};
-use glam::Vec3;
 
 /// A camera path at a surface that is not only diffuse.
 pub(super) struct Other<'a> {
@@ -257,25 +256,6 @@ impl CameraPaths {
         if self.mis.is_some() {
             self.gather_points.set_earlier_merges(self.arriving_merges(path));
         }
-    }
-
-    /// Queues one shadow ray as [`Self::queue_shadow_rays`] does.
-    pub(super) fn queue_shadow_ray(
-        &mut self,
-        path: u32,
-        contribution: Rgb,
-        target: Vec3,
-        off_surface: Vec3,
-    ) {
-        if contribution == Rgb::ZERO {
-            return;
-        }
-        self.shadow_rays.push(&Connections {
-            origin: Vec3s::splat(target),
-            direction: Vec3s::splat(off_surface - target),
-            path: [path; LANES],
-            contribution: Vec3s::splat(contribution),
-        });
     }
 }
 

@@ -10,7 +10,7 @@ use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
 /// Minimum density: rounding may leave a path of one kind where a path of the other kind cannot go.
-const MIN_DENSITY: f32 = 1e-9;
+pub const MIN_DENSITY: f32 = 1e-9;
 
 /// Probability that a path goes on from a lobe that merges. It depends on the vertex alone, so that
 /// paths of both kinds compute the same number. Roulette that depends on a path's throughput counts

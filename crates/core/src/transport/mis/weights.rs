@@ -86,9 +86,15 @@ impl Balance {
         Self { eta, scales: scales.map(|c| c.max(MIN_SCALE)), caustic }
     }
 
+    /// Merges share paths with the other techniques.
+    #[inline(always)] // part of vector loops, as the functions below
+    pub fn weighs_merges(&self) -> bool {
+        self.eta > 0.0
+    }
+
     /// Partial of a camera path that leaves its diffuse vertex number `vertex` with the density
     /// `camera`. `earlier` is the density of merges at earlier vertices. theory.md (47d)
-    #[inline(always)] // part of vector loops, as the functions below
+    #[inline(always)]
     pub fn leave(&self, vertex: u32, earlier: f32, camera: f32) -> CameraPartial {
         let last = self.scales.get(vertex as usize - 1).copied().unwrap_or(0.0);
         CameraPartial { earlier: earlier / camera, last: last / camera }
