@@ -2,6 +2,7 @@
 
 use super::emitter::Emitter;
 use super::environment::Environment;
+use super::regions::RegionProbs;
 use super::{LightSample, Lights, Receiver};
 use crate::base::rng::Rng;
 use crate::simd::LANES;
@@ -21,13 +22,22 @@ pub(super) struct ChosenLight {
 #[derive(Default)]
 struct Skies {
     count: usize,
-    /// Their numbers among all receivers.
-    receivers: [usize; LANES],
-    positions: [Vec3; LANES],
+    /// Their lanes among all receivers.
+    lanes: [usize; LANES],
+    receivers: [Receiver; LANES],
     /// Densities of the choice of the environment and the region; see
     /// [`Environment::connect_each`].
     probs: [f32; LANES],
     numbers: [[f64; 2]; LANES],
+}
+
+impl Skies {
+    fn add(&mut self, number: usize, prob: f32, at: Receiver) {
+        self.lanes[self.count] = number;
+        self.receivers[self.count] = at;
+        self.probs[self.count] = prob;
+        self.count += 1;
+    }
 }
 
 /// A point on a light to connect with, and the kind of the light.
@@ -126,14 +136,15 @@ impl Lights {
         samples: &mut [Option<LightSample>],
     ) {
         let mut skies = Skies::default();
-        for (number, (chosen, rng)) in chosen.iter().zip(rngs).enumerate() {
+        for (number, (chosen, rng)) in chosen.iter().zip(rngs.iter_mut()).enumerate() {
             samples[number] = None;
             let Some(ChosenLight { index, prob, at }) = *chosen else { continue };
             match self.emitters.get(index) {
                 Some(emitter) => samples[number] = emitter.connect(at.position, prob, rng),
-                None => self.choose_sky(number, prob, at, rng, &mut skies),
+                None => skies.add(number, prob, at),
             }
         }
+        self.choose_directions(&mut skies, rngs);
         self.connect_skies(&skies, samples);
         if self.has_weighted_guide() {
             for (sample, chosen) in samples.iter_mut().zip(chosen) {
@@ -145,21 +156,27 @@ impl Lights {
         }
     }
 
-    /// Adds the numbers of a direction toward the environment for the receiver of this number.
-    fn choose_sky(&self, number: usize, prob: f32, at: Receiver, rng: &mut Rng, skies: &mut Skies) {
-        let (region, density) = if self.by_estimate.has_regions() {
-            let u = rng.next_f64();
-            let Some((region, density)) = self.by_estimate.choose_region(at, u) else { return };
-            (Some(region), density)
-        } else {
-            (None, 1.0)
-        };
-        let own = skies.count;
-        skies.receivers[own] = number;
-        skies.positions[own] = at.position;
-        skies.probs[own] = prob * density;
-        skies.numbers[own] = Environment::connection_numbers(region, rng);
-        skies.count += 1;
+    /// Chooses the numbers of directions toward the environment.
+    fn choose_directions(&self, skies: &mut Skies, rngs: &mut [Rng]) {
+        let count = skies.count;
+        let mut regions = [(0, 1.0); LANES];
+        let learned = if count > 0 { self.by_estimate.regions(skies.receivers[0]) } else { None };
+        if let Some(first) = learned {
+            let (mut probs, mut numbers) = ([first; LANES], [0.0; LANES]);
+            for own in 0..count {
+                // All have regions if one has.
+                probs[own] = self.by_estimate.regions(skies.receivers[own]).unwrap_or(first);
+                numbers[own] = rngs[skies.lanes[own]].next_f64();
+            }
+            RegionProbs::choose_each(&probs[..count], &numbers[..count], &mut regions[..count]);
+        }
+        for own in 0..count {
+            let (region, density) = regions[own];
+            let region = learned.map(|_| region);
+            skies.probs[own] *= density;
+            let rng = &mut rngs[skies.lanes[own]];
+            skies.numbers[own] = Environment::connection_numbers(region, rng);
+        }
     }
 
     fn connect_skies(&self, skies: &Skies, samples: &mut [Option<LightSample>]) {
@@ -168,10 +185,10 @@ impl Lights {
             return;
         }
         let mut own = [LightSample::default(); LANES];
-        let Skies { numbers, probs, positions, .. } = skies;
+        let Skies { numbers, probs, receivers, .. } = skies;
         let map = self.chosen_environment();
-        map.connect_each(&numbers[..count], &probs[..count], positions, &mut own[..count]);
-        for (&number, own) in skies.receivers[..count].iter().zip(own) {
+        map.connect_each(&numbers[..count], &probs[..count], receivers, &mut own[..count]);
+        for (&number, own) in skies.lanes[..count].iter().zip(own) {
             samples[number] = Some(own);
         }
     }

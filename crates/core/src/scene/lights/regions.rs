@@ -3,6 +3,8 @@
 
 use super::environment::{REGIONS, REGIONS_ACROSS};
 use super::visibility::{Grid, PRIOR_TESTS};
+use crate::simd::LANES;
+use std::hint::black_box;
 
 /// Regions that have a common prior in a cell: two across and two down.
 const COARSE: usize = REGIONS / 4;
@@ -50,14 +52,23 @@ impl RegionProbs {
         self.rows[REGIONS_ACROSS - 1]
     }
 
-    /// Chooses a region by a uniform number; also returns its probability over its share of the
-    /// power.
-    #[inline]
-    pub fn choose(&self, u: f64) -> (usize, f32) {
-        let unit = (u * f64::from(self.units())) as u16;
-        let row = interval_of(unit, &self.rows);
-        let region = row * REGIONS_ACROSS + interval_of(unit, &self.ends[row]);
-        (region, self.density(region))
+    /// Chooses a region of each of at most [`LANES`] probabilities by its uniform number; also
+    /// returns its probability over its share of the power. The probabilities of all cells are
+    /// larger than the caches: waiting for all rows together, then for all regions together, costs
+    /// little more than waiting for one of them.
+    pub fn choose_each(of: &[&Self], numbers: &[f64], chosen: &mut [(usize, f32)]) {
+        black_box(of.iter().fold(0, |all, own| all | own.units()));
+        let mut choices = [(0, 0); LANES];
+        for (choice, (own, u)) in choices.iter_mut().zip(of.iter().zip(numbers)) {
+            let unit = (u * f64::from(own.units())) as u16;
+            *choice = (unit, interval_of(unit, &own.rows));
+        }
+        let ends = of.iter().zip(&choices).map(|(own, &(_, row))| own.ends[row][0]);
+        black_box(ends.fold(0, |all, end| all | end));
+        for (chosen, (own, &(unit, row))) in chosen.iter_mut().zip(of.iter().zip(&choices)) {
+            let region = row * REGIONS_ACROSS + interval_of(unit, &own.ends[row]);
+            *chosen = (region, own.density(region));
+        }
     }
 
     /// Probability of a region over its share of the power.
@@ -199,8 +210,9 @@ mod tests {
         for region in 0..REGIONS {
             let prob = probs.density(region) / REGIONS as f32;
             assert!((prob * total / weight(region) - 1.0).abs() < 0.02, "{region}");
-            let chosen = probs.choose(next + 0.5 * f64::from(prob));
-            assert_eq!(chosen, (region, probs.density(region)));
+            let mut chosen = [(0, 0.0)];
+            RegionProbs::choose_each(&[&probs], &[next + 0.5 * f64::from(prob)], &mut chosen);
+            assert_eq!(chosen, [(region, probs.density(region))]);
             next += f64::from(prob);
         }
         assert!((next - 1.0).abs() < 1e-5);

@@ -3,6 +3,7 @@
 use super::Receiver;
 use super::emitter::Emitter;
 use super::environment::Environment;
+use super::regions::RegionProbs;
 use super::tree::LightTree;
 use super::visibility::{Factors, MOST_DISTANT, Visibility, distant_slot};
 use crate::base::math::luminance;
@@ -149,22 +150,16 @@ impl EstimateSampler {
         Some((index, prob * own))
     }
 
-    /// Returns true if regions of the environment have a learned visibility.
-    pub(super) fn has_regions(&self) -> bool {
-        self.visibility.as_ref().is_some_and(|visibility| visibility.has_regions())
+    /// The learned probabilities of regions of the environment at `at`; `None` without learned
+    /// visibility.
+    pub(super) fn regions(&self, at: Receiver) -> Option<&RegionProbs> {
+        self.visibility.as_ref()?.regions(at)
     }
 
-    /// Chooses a region of the environment for `at` by a uniform number: its index, and its
-    /// probability over its share of the power. `None` without learned visibility.
-    pub(super) fn choose_region(&self, at: Receiver, u: f64) -> Option<(usize, f32)> {
-        Some(self.visibility.as_ref()?.regions(at)?.choose(u))
-    }
-
-    /// Probability that [`Self::choose_region`] takes a region, over its share of the power; 1
+    /// Probability that [`RegionProbs::choose_each`] takes a region, over its share of the power; 1
     /// without learned visibility.
     pub(super) fn region_density(&self, at: Receiver, region: usize) -> f32 {
-        let learned = self.visibility.as_ref().and_then(|visibility| visibility.regions(at));
-        learned.map_or(1.0, |regions| regions.density(region))
+        self.regions(at).map_or(1.0, |regions| regions.density(region))
     }
 
     /// Number of the environment among the distant lights.

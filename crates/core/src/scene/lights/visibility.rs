@@ -248,10 +248,6 @@ impl Visibility {
     pub(super) fn regions(&self, at: Receiver) -> Option<&RegionProbs> {
         Some(self.regions.as_ref()?.at(self.grid.cell(at)))
     }
-
-    pub(super) fn has_regions(&self) -> bool {
-        self.regions.is_some()
-    }
 }
 
 /// Learns the root of the second moment of each slot in each cell, from cells, sets of slots, and

@@ -3,8 +3,8 @@
 use super::{Environment, REGIONS_ACROSS, Row};
 use crate::base::math::{Rgb, sin_cos_turns};
 use crate::base::rng::Rng;
-use crate::scene::lights::LightSample;
 use crate::scene::lights::cutpoints::{Bucket, Choice, Cutpoints};
+use crate::scene::lights::{LightSample, Receiver};
 use crate::simd::LANES;
 use glam::Vec3;
 
@@ -113,7 +113,7 @@ impl Environment {
         &self,
         numbers: &[[f64; 2]],
         probs: &[f32],
-        positions: &[Vec3],
+        receivers: &[Receiver],
         samples: &mut [LightSample],
     ) {
         let mut drawn = [EnvironmentSample::default(); LANES];
@@ -121,9 +121,9 @@ impl Environment {
         for (i, sample) in samples.iter_mut().enumerate() {
             let EnvironmentSample { direction: wi, irradiance, inverse_pdf_w } = drawn[i];
             // Outside the sphere around the scene, for any position in it.
-            let distance = 2.0 * self.radius + (positions[i] - self.center).length();
+            let distance = 2.0 * self.radius + (receivers[i].position - self.center).length();
             *sample = LightSample {
-                target: positions[i] + distance * wi,
+                target: receivers[i].position + distance * wi,
                 wi,
                 irradiance: irradiance / probs[i],
                 relative: 1.0,

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::base::rng::{Stream, StreamKey};
-use crate::scene::lights::LightSample;
+use crate::scene::lights::{LightSample, Receiver};
 
 /// An environment of very different pixels.
 fn environment(turn_deg: f32) -> Environment {
@@ -76,7 +76,12 @@ fn connections_with_a_region_lie_in_it() {
             let region = number % REGIONS;
             let numbers = Environment::connection_numbers(Some(region), &mut rng);
             let mut sample = [LightSample::default()];
-            map.connect_each(&[numbers], &[1.0], &[Vec3::ONE], &mut sample);
+            map.connect_each(
+                &[numbers],
+                &[1.0],
+                &[Receiver { position: Vec3::ONE, normal: None }],
+                &mut sample,
+            );
             strayed += usize::from(map.region(sample[0].wi) != region);
         }
         // By rounding at their edges
@@ -237,7 +242,12 @@ fn light_paths_carry_the_power_through_the_sphere() {
         assert!(axis.length() <= map.radius * 1.0001);
         let numbers = Environment::connection_numbers(None, &mut rng);
         let mut samples = [LightSample::default()];
-        map.connect_each(&[numbers], &[0.25], &[Vec3::splat(0.5)], &mut samples);
+        map.connect_each(
+            &[numbers],
+            &[0.25],
+            &[Receiver { position: Vec3::splat(0.5), normal: None }],
+            &mut samples,
+        );
         let [sample] = samples;
         assert!((sample.target - map.center).length() > map.radius);
     }
