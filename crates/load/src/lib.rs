@@ -6,6 +6,7 @@
 
 mod camera_change;
 mod checks;
+mod convert;
 mod default_camera;
 mod default_light;
 mod lit_check;
@@ -14,6 +15,7 @@ mod summary;
 
 pub use bdpm_import::NamedMesh;
 pub use camera_change::{CameraChange, LookAt};
+pub use convert::{Converted, convert};
 pub use summary::{SceneSummary, counted};
 
 use bdpm_core::base::error::Result;
