@@ -157,8 +157,8 @@ impl RenderResult {
     }
 
     /// Content of the image file: the image without denoising, the noise of each pixel (`rms`,
-    /// luminance, W/(m^2 sr)) if it is known, the layers of [`Self::layers`], the relative errors of
-    /// the image and of its denoised layer if they are known, and the settings and the plan that
+    /// luminance, W/(m^2 sr)) if it is known, the layers of [`Self::layers`], the relative errors
+    /// of the image and of its denoised layer if they are known, and the settings and the plan that
     /// repeat the image.
     pub fn to_image_file(&self, selection: &LayerSelection) -> Image {
         let image = self.state.image();
