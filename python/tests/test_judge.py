@@ -18,7 +18,8 @@ def traced(scene: bdpm.Scene, seed: int) -> NDArray[np.float32]:
 
 
 def judged(scene: bdpm.Scene, image: Any, **more: Any) -> bdpm.Judgment:
-    return bdpm.judge(image, scene, **{"time": "1ms", "seed": 3, **more})
+    options: dict[str, Any] = {"time": "1ms", "seed": 3, **more}
+    return bdpm.judge(image, scene, **options)
 
 
 @pytest.fixture(scope="module")
