@@ -3,7 +3,7 @@
 # pictures of the documentation come from. Labels in the pictures have program, time and error. A line for each render
 # on stdout has its commit, command, time and errors.
 #
-#   scripts/pictures.sh            all of them: about two hours on two cores
+#   scripts/pictures.sh            all of them: about two hours on two cores; `classroom` with PUBLIC_SCENES
 #   scripts/pictures.sh NAME...    only these; each takes at most 15 minutes
 #
 # Set SECONDS_EACH=5 for a quick trial: then no render takes longer than that. OUT=FOLDER writes to another
@@ -24,6 +24,9 @@ fi
 
 commit=$(git describe --always --dirty --exclude '*' 2>/dev/null || echo unknown)
 
+# The seconds of a render, at most those of a trial.
+bounded() { echo $(($1 < ${SECONDS_EACH:-100000} ? $1 : SECONDS_EACH)); }
+
 # Renders SCENE, a folder of scenes/ or a path, for SECONDS to $work/NAME.exr, with the result in $work/NAME.json.
 #   render NAME SCENE SECONDS [OPTION...]
 render() {
@@ -33,7 +36,7 @@ render() {
         /*) ;;
         *) scene=scenes/$scene ;;
     esac
-    seconds=$((seconds < ${SECONDS_EACH:-100000} ? seconds : SECONDS_EACH))
+    seconds=$(bounded "$seconds")
     "$bdpm" render "$scene" --output "$work/$name.exr" --time "${seconds}s" --quiet --json "$@" >"$work/$name.json"
     echo "$name: commit $commit, bdpm render $(shown "$scene") --time ${seconds}s $*:" \
         "$("$picture" facts "$work/$name.json")"
@@ -79,7 +82,8 @@ difference() {
 # The renderer beside its own path tracer after equal time.
 #   equal_time NAME SCENE SECONDS REFERENCE_SECONDS OPTION...
 equal_time() {
-    local name=$1 scene=$2 seconds=$3 long=$4
+    local name=$1 scene=$2 long=$4 seconds
+    seconds=$(bounded "$3")
     shift 4
     render "$name-automatic" "$scene" "$seconds" "$@"
     render "$name-path" "$scene" "$seconds" --strategy path "$@"
@@ -157,7 +161,8 @@ make_picture() {
             "$picture" strip "$out/report.jpg" "$work/report.png" ""
             ;;
         volume-caustics) # wants Mitsuba, which scripts/mitsuba-check.sh installs
-            local scene name reference error inputs seconds=${SECONDS_EACH:-30}
+            local scene name reference error inputs seconds
+            seconds=$(bounded 30)
             "${MITSUBA_VENV:-target/mitsuba}/bin/python" scripts/media_table.py --images --bdpm "$bdpm" --size 320 \
                 --seconds "$seconds" --folder "$work/media" smoke underwater
             for scene in smoke underwater; do
@@ -174,9 +179,11 @@ make_picture() {
     esac
 }
 
-all=(point-caustic classroom hall objective daylight materials caustic-sphere smoke prism diamond-ring cornell-box
+all=(point-caustic hall objective daylight materials caustic-sphere smoke prism diamond-ring cornell-box
     equal-time-caustic equal-time-keyhole equal-time-daylight error-maps guides caustic-radii denoising report
     volume-caustics)
+# Its scene is not in the repository.
+[ -z "${PUBLIC_SCENES:-}" ] || all+=(classroom)
 [ $# -gt 0 ] || set -- "${all[@]}"
 for name; do
     echo "pictures: $name" >&2
