@@ -3,12 +3,14 @@
     blender --background --python scripts/blender_demo.py -- OUT.blend
 
 With `--compare SECONDS` it is also rendered for so long by the add-on and by Cycles, as OUT-bdpm.exr and
-OUT-cycles.exr, and held against references of `--reference SECONDS` by either, which are kept.
+OUT-cycles.exr, and held against references of `--reference SECONDS` by either, which are kept. `--picture FILE.jpg`
+puts both side by side, with labels, by the program of examples/picture.rs that the variable PICTURE names.
 """
 
 import argparse
 import math
 import os
+import subprocess
 import sys
 import time
 
@@ -152,8 +154,11 @@ def main():
     parser.add_argument("--compare", type=float, help="seconds of each image")
     parser.add_argument("--reference", type=float, default=600, help="seconds of each reference")
     parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--picture", help="a labeled picture of both images; needs --compare")
     given = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
     options = parser.parse_args(given)
+    if options.picture and not (options.compare and os.environ.get("PICTURE")):
+        parser.error("--picture needs --compare, and the variable PICTURE with the program of examples/picture.rs")
     scene = make_scene()
     stem = os.path.abspath(os.path.splitext(options.out)[0])
     bpy.ops.wm.save_as_mainfile(filepath=stem + ".blend")
@@ -178,6 +183,7 @@ def compare(scene, stem, options):
         references[kind] = read_pixels(path) if known else render(scene, kind, options.reference, path, options.threads)
     # Other random numbers than those of the references.
     scene.bdpm.seed, scene.cycles.seed = 7, 7
+    strip = []
     for kind, name in names.items():
         image = render(scene, kind, options.compare, f"{stem}-{name}.exr", options.threads)
         for of, reference in references.items():
@@ -185,6 +191,13 @@ def compare(scene, stem, options):
             errors = " ".join(f"{100 * error:.1f}" for error in relative_errors(image, reference, shares))
             ratio = 100 * (image.mean() / reference.mean() - 1)
             print(f":: {kind}: relative error {errors} % of {shares} against {of}, mean {ratio:+.2f} %", flush=True)
+        # Both are held against the reference of bdpm, as in docs/measurements/cycles.md.
+        whole, _, half = relative_errors(image, references["BDPM"], shares)
+        program = "bdpm" if kind == "BDPM" else f"Cycles {bpy.app.version_string}"
+        label = f"{program}, {options.compare:g} s: error {100 * whole:.0f} %, better half {100 * half:.1f} %"
+        strip += [f"{stem}-{name}.exr", label]
+    if options.picture:
+        subprocess.run([os.environ["PICTURE"], "strip", options.picture, *strip], check=True)
 
 
 if __name__ == "__main__":

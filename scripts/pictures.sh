@@ -1,12 +1,14 @@
 #!/usr/bin/env bash
 # Makes the pictures of scenes in docs/pictures, as JPEG files of at most 400 KB. CONTRIBUTING.md says where the other
-# pictures of the documentation come from.
+# pictures of the documentation come from. Labels in the pictures have program, time and error. A line for each render
+# on stdout has its commit, command, time and errors.
 #
-#   scripts/pictures.sh            all of them: about 90 minutes on two cores
+#   scripts/pictures.sh            all of them: about two hours on two cores; `classroom` with PUBLIC_SCENES
 #   scripts/pictures.sh NAME...    only these; each takes at most 15 minutes
 #
 # Set SECONDS_EACH=5 for a quick trial: then no render takes longer than that. OUT=FOLDER writes to another
-# folder. BDPM and PICTURE name programs that are built already.
+# folder. BDPM and PICTURE name programs that are built already. PUBLIC_SCENES is a folder of Benedikt Bitterli's scenes
+# in Mitsuba's format, for the picture `classroom`. Denoised pictures want `make denoiser`.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -20,28 +22,55 @@ if [ -z "${BDPM:-}" ] || [ -z "${PICTURE:-}" ]; then
     cargo build --locked --release --bin bdpm --example picture
 fi
 
-# Renders SCENE for SECONDS to $work/NAME.exr, with the result in $work/NAME.json.
+commit=$(git describe --always --dirty --exclude '*' 2>/dev/null || echo unknown)
+
+# The seconds of a render, at most those of a trial.
+bounded() { echo $(($1 < ${SECONDS_EACH:-100000} ? $1 : SECONDS_EACH)); }
+
+# Renders SCENE, a folder of scenes/ or a path, for SECONDS to $work/NAME.exr, with the result in $work/NAME.json.
 #   render NAME SCENE SECONDS [OPTION...]
 render() {
     local name=$1 scene=$2 seconds=$3
     shift 3
-    seconds=$((seconds < ${SECONDS_EACH:-100000} ? seconds : SECONDS_EACH))
-    "$bdpm" render "scenes/$scene" --output "$work/$name.exr" --time "${seconds}s" --quiet --json "$@" >"$work/$name.json"
+    case $scene in
+        /*) ;;
+        *) scene=scenes/$scene ;;
+    esac
+    seconds=$(bounded "$seconds")
+    "$bdpm" render "$scene" --output "$work/$name.exr" --time "${seconds}s" --quiet --json "$@" >"$work/$name.json"
+    echo "$name: commit $commit, bdpm render $(shown "$scene") --time ${seconds}s $*:" \
+        "$("$picture" facts "$work/$name.json")"
 }
 
-# A picture of one scene.
+# A scene as the documentation names it: public scenes by their path in their folder.
+shown() {
+    case $1 in
+        /*) realpath --relative-to "$PUBLIC_SCENES" "$1" ;;
+        *) echo "$1" ;;
+    esac
+}
+
+# A picture of one scene with its time and error.
 #   single NAME SCENE SECONDS [OPTION...]
 single() {
     render "$@"
-    "$picture" strip "$out/$1.jpg" "$work/$1.exr" ""
+    "$picture" strip "$out/$1.jpg" "$work/$1.exr" "bdpm@$work/$1.json"
 }
 
-# A picture of one scene, denoised: it wants `make denoiser`.
+# A picture of one scene, denoised if that pays, with its time and error.
 #   denoised NAME SCENE SECONDS [OPTION...]
 denoised() {
-    render "$@"
-    "$bdpm" denoise "$work/$1.exr" --output "$work/$1.denoised.exr" >/dev/null
-    "$picture" strip "$out/$1.jpg" "$work/$1.denoised.exr" ""
+    render "$@" --denoise
+    "$picture" strip "$out/$1.jpg" "result@$work/$1.exr" "bdpm@$work/$1.json"
+}
+
+# The path of a file in the folder of public scenes.
+public() {
+    if [ ! -f "${PUBLIC_SCENES:-}/$1" ]; then
+        echo "pictures: PUBLIC_SCENES has no $1: set it to a folder of public scenes in Mitsuba's format" >&2
+        return 1
+    fi
+    realpath "$PUBLIC_SCENES/$1"
 }
 
 # Relative RMSE of an image to a reference in percent.
@@ -53,7 +82,8 @@ difference() {
 # The renderer beside its own path tracer after equal time.
 #   equal_time NAME SCENE SECONDS REFERENCE_SECONDS OPTION...
 equal_time() {
-    local name=$1 scene=$2 seconds=$3 long=$4
+    local name=$1 scene=$2 long=$4 seconds
+    seconds=$(bounded "$3")
     shift 4
     render "$name-automatic" "$scene" "$seconds" "$@"
     render "$name-path" "$scene" "$seconds" --strategy path "$@"
@@ -69,6 +99,12 @@ make_picture() {
         point-caustic)
             render point-caustic point-caustic 900 --resolution 1600x1200
             "$picture" strip "$out/point-caustic.jpg" "$work/point-caustic.exr" "@$work/point-caustic.json"
+            ;;
+        # The furnished room of the README: a public scene (CC-BY 3.0, "Japanese Classroom" by NovaZeeke).
+        classroom)
+            local room
+            room=$(public classroom/scene.xml)
+            denoised classroom "$room" 600 --resolution 1280x720
             ;;
         hall) denoised hall hall 600 --resolution 1620x1080 ;;
         objective) denoised objective objective 600 --resolution 1620x1080 ;;
@@ -87,28 +123,30 @@ make_picture() {
         error-maps)
             render error-maps caustic-sphere 20 --resolution 480x480
             render error-maps-reference caustic-sphere 600 --resolution 480x480 --seed 2
-            "$picture" errors "$out/error-maps.jpg" "$work/error-maps.exr" "$work/error-maps-reference.exr"
+            "$picture" errors "$out/error-maps.jpg" "$work/error-maps.exr" "$work/error-maps-reference.exr" \
+                "bdpm@$work/error-maps.json"
             # For the table in docs/measurements/predictions.md.
-            grep -oE '"(error|promise)":\{"(total|rms)[^}]*\}' "$work/error-maps.json" || true
-            echo "true $(difference "$work/error-maps"{,-reference}.exr)"
+            echo "error-maps: true error $(difference "$work/error-maps"{,-reference}.exr)"
             ;;
         guides)
             render guides-without daylight 10 --resolution 320x320 --threads 1 --guide 0
             render guides-with daylight 10 --resolution 320x320 --threads 1
-            "$picture" strip "$out/guides.jpg" "$work/guides-without.exr" "no guide" "$work/guides-with.exr" "guide"
+            "$picture" strip "$out/guides.jpg" "$work/guides-without.exr" "no guide@$work/guides-without.json" \
+                "$work/guides-with.exr" "guide@$work/guides-with.json"
             ;;
         caustic-radii)
             local inputs=() radius
             for radius in .012 .006 .003; do
                 render "radius$radius" point-caustic 20 --resolution 320x240 --strategy single --merge-vertex 1 \
                     --radius .012 --caustic-radius "$radius"
-                inputs+=("$work/radius$radius.exr" "radius $radius")
+                inputs+=("$work/radius$radius.exr" "radius $radius@$work/radius$radius.json")
             done
             "$picture" strip "$out/caustic-radii.jpg" "${inputs[@]}"
             ;;
         denoising) # wants `make denoiser`
             render denoising caustic-sphere 8 --resolution 256x256 --threads 1 --denoise
-            "$picture" strip "$out/denoising.jpg" "$work/denoising.exr" raw "denoised@$work/denoising.exr" denoised
+            "$picture" strip "$out/denoising.jpg" "$work/denoising.exr" "raw@$work/denoising.json" \
+                "denoised@$work/denoising.exr" "denoised@$work/denoising.json"
             ;;
         report) # wants Chromium, which is installed if it is missing
             render report caustic-sphere 60 --resolution 512x512 --report "$work/report.html"
@@ -123,12 +161,18 @@ make_picture() {
             "$picture" strip "$out/report.jpg" "$work/report.png" ""
             ;;
         volume-caustics) # wants Mitsuba, which scripts/mitsuba-check.sh installs
-            local scene seconds=${SECONDS_EACH:-30}
+            local scene name reference error inputs seconds
+            seconds=$(bounded 30)
             "${MITSUBA_VENV:-target/mitsuba}/bin/python" scripts/media_table.py --images --bdpm "$bdpm" --size 320 \
                 --seconds "$seconds" --folder "$work/media" smoke underwater
             for scene in smoke underwater; do
-                "$picture" strip "$out/$scene-volpath.jpg" "$work/media/$scene-bdpm.exr" "bdpm, $seconds s" \
-                    "$work/media/$scene-volpath.exr" "volpath, $seconds s"
+                reference=$scene-reference inputs=()
+                render "$reference" "media/$scene.xml" 600 --resolution 320x320 --seed 2
+                for name in bdpm volpath; do
+                    error=$(difference "$work/media/$scene-$name.exr" "$work/$reference.exr")
+                    inputs+=("$work/media/$scene-$name.exr" "$name, $seconds s: error $error")
+                done
+                "$picture" strip "$out/$scene-volpath.jpg" "${inputs[@]}"
             done
             ;;
         *) echo "pictures: there is no picture $1" >&2 && return 1 ;;
@@ -138,6 +182,8 @@ make_picture() {
 all=(point-caustic hall objective daylight materials caustic-sphere smoke prism diamond-ring cornell-box
     equal-time-caustic equal-time-keyhole equal-time-daylight error-maps guides caustic-radii denoising report
     volume-caustics)
+# Its scene is not in the repository.
+[ -z "${PUBLIC_SCENES:-}" ] || all+=(classroom)
 [ $# -gt 0 ] || set -- "${all[@]}"
 for name; do
     echo "pictures: $name" >&2

@@ -11,6 +11,7 @@ __all__ = [
     "BestCounts",
     "Estimate",
     "Job",
+    "Judgment",
     "Measurement",
     "Mesh",
     "MeterReadings",
@@ -25,7 +26,9 @@ __all__ = [
     "Timings",
     "analyze",
     "calibrate",
+    "convert",
     "glare",
+    "judge",
     "load",
     "measure",
     "read_exr",
@@ -366,6 +369,39 @@ class Measurement:
     def notes(self) -> list[str]: ...
 
 @final
+class Judgment:
+    @property
+    def verdict(self) -> Literal["right", "wrong", "undecided"]: ...
+    @property
+    def risk(self) -> float: ...
+    @property
+    def mean_ratio(self) -> Estimate | None: ...
+    @property
+    def scales(self) -> dict[int, Estimate]: ...
+    @property
+    def map(self) -> NDArray[np.float32]: ...
+    @property
+    def map_side(self) -> int: ...
+    @property
+    def map_threshold(self) -> float: ...
+    @property
+    def agreement(self) -> float: ...
+    @property
+    def factor(self) -> float | None: ...
+    @property
+    def shift(self) -> tuple[float, float] | None: ...
+    @property
+    def regions(self) -> list[dict[str, Any]]: ...
+    @property
+    def noise_source(self) -> Literal["two-images", "neighbors"]: ...
+    @property
+    def lacks_point_lights(self) -> bool: ...
+    @property
+    def paths(self) -> float: ...
+    @property
+    def seconds(self) -> float: ...
+
+@final
 class Job:
     def result(self, progress: Callable[[Progress], object] | None = None) -> RenderResult: ...
     def stop(self) -> None: ...
@@ -388,6 +424,9 @@ def load(
     look_at: Sequence[Sequence[float]] | None = None,
     fov: float | None = None,
 ) -> Scene: ...
+def convert(
+    scene: Scene | str | PathLike[str], folder: str | PathLike[str], *, force: bool = False
+) -> dict[str, Any]: ...
 def start(scene: Scene, **options: Unpack[RenderOptions]) -> Job: ...
 def analyze(
     scene: Scene,
@@ -415,4 +454,17 @@ def glare(
     peak: float = ...,
     search_angle: float = ...,
 ) -> dict[str, Any]: ...
+def judge(
+    image: ArrayLike,
+    scene: Scene,
+    *,
+    second: ArrayLike | None = None,
+    time: float | str | None = None,
+    precision: float = ...,
+    seed: int | None = None,
+    resolution: tuple[int, int] | None = None,
+    crop: tuple[int, int, int, int] | None = None,
+    threads: int | None = None,
+    accel: Literal["embree", "bvh"] | None = None,
+) -> Judgment: ...
 def read_exr(path: str | PathLike[str]) -> dict[str, NDArray[np.float32]]: ...

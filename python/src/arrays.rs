@@ -4,7 +4,7 @@ use bdpm::base::math::Rgb;
 use bdpm::image_io::{Layer, ToneMapping, encode_png};
 use bytemuck::allocation::cast_vec;
 use numpy::{
-    AllowTypeChange, PyArray1, PyArray2, PyArray3, PyArrayDescrMethods, PyArrayLike2,
+    AllowTypeChange, PyArray1, PyArray2, PyArray3, PyArrayDescrMethods, PyArrayLike2, PyArrayLike3,
     PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -106,6 +106,27 @@ pub fn triangles(array: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 3]>> {
     };
     let rows = array.rows().into_iter();
     rows.map(|row| Ok([index(row[0])?, index(row[1])?, index(row[2])?])).collect()
+}
+
+/// Pixels and size of an image of shape (height, width, 3), of any type of number.
+///
+/// # Errors
+/// Names `what` if the array has another shape.
+pub fn pixels(array: &Bound<'_, PyAny>, what: &str) -> PyResult<(Vec<Rgb>, Size)> {
+    let wrong = |found: &str| {
+        let text = format!("{what}: expected an array of shape (height, width, 3), but {found}");
+        PyValueError::new_err(text)
+    };
+    let array = array.extract::<PyArrayLike3<'_, f32, AllowTypeChange>>();
+    let array = array.map_err(|error| wrong(&error.to_string()))?;
+    let array = array.as_array();
+    let &[height, width, channels] = array.shape() else { unreachable!("three dimensions") };
+    let size = [width, height].map(|side| u32::try_from(side).ok());
+    let (3, [Some(width), Some(height)]) = (channels, size) else {
+        return Err(wrong(&format!("it has the shape ({height}, {width}, {channels})")));
+    };
+    let pixels = array.rows().into_iter().map(|rgb| Rgb::new(rgb[0], rgb[1], rgb[2])).collect();
+    Ok((pixels, (width, height)))
 }
 
 fn wrong_shape(what: &str, columns: usize, found: &str) -> PyErr {

@@ -1,12 +1,11 @@
 //! Glare of fisheye images.
 
+use crate::arrays::pixels;
 use crate::result::RenderResult;
 use crate::settings::unknown;
 use crate::tables;
-use bdpm::base::math::Rgb;
 use bdpm::light::glare::{Glare, LuminanceImage, PEAK, SEARCH_ANGLE, SourceSearch, THRESHOLD};
 use bdpm::scene::FisheyeProjection;
-use numpy::{AllowTypeChange, PyArrayLike3};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -57,17 +56,9 @@ fn array(image: &Bound<'_, PyAny>, projection: &str, fov: f64) -> PyResult<Lumin
         let text = format!("fov is {fov}: give an angle above 0, of at most 360 degrees");
         return Err(PyValueError::new_err(text));
     }
-    let array = image.extract::<PyArrayLike3<'_, f32, AllowTypeChange>>().map_err(|error| {
-        PyValueError::new_err(format!("image: give a RenderResult or an array: {error}"))
-    })?;
-    let array = array.as_array();
-    let &[height, width, channels] = array.shape() else { unreachable!("three dimensions") };
-    if channels != 3 || !array.iter().all(|value| value.is_finite()) {
-        let text = "image: expected finite numbers of shape (height, width, 3)";
-        return Err(PyValueError::new_err(text));
+    let (pixels, size) = pixels(image, "image that is no RenderResult")?;
+    if !pixels.iter().all(|pixel| pixel.is_finite()) {
+        return Err(PyValueError::new_err("image: expected finite numbers"));
     }
-    let numbers: Vec<f32> = array.iter().copied().collect();
-    let pixels: Vec<Rgb> = numbers.chunks_exact(3).map(Rgb::from_slice).collect();
-    let size = (width as u32, height as u32);
     Ok(LuminanceImage::new(size, &pixels, projection, fov.to_radians()))
 }

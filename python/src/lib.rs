@@ -6,12 +6,14 @@
 mod analyze;
 mod arrays;
 mod calibrate;
+mod convert;
 mod error;
 mod estimate;
 mod files;
 mod glare;
 mod job;
 mod job_thread;
+mod judge;
 mod measure;
 mod noise;
 mod plan;
@@ -29,6 +31,8 @@ mod _bdpm {
     #[pymodule_export]
     use crate::calibrate::{Timings, calibrate};
     #[pymodule_export]
+    use crate::convert::convert;
+    #[pymodule_export]
     use crate::estimate::Estimate;
     #[pymodule_export]
     use crate::files::read_exr;
@@ -36,6 +40,8 @@ mod _bdpm {
     use crate::glare::glare;
     #[pymodule_export]
     use crate::job::{Job, start};
+    #[pymodule_export]
+    use crate::judge::{Judgment, judge};
     #[pymodule_export]
     use crate::measure::{Measurement, MeterReadings, Reading, measure};
     #[pymodule_export]

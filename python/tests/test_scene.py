@@ -1,6 +1,8 @@
 """Scenes from files and from arrays."""
 
+import json
 import math
+import subprocess
 import warnings
 from pathlib import Path
 from typing import Any
@@ -123,3 +125,31 @@ def test_camera_of_a_file_can_be_moved_and_taken_from_another() -> None:
         bdpm.load(box, look_at=((0, 1, 5),))
     with pytest.raises(bdpm.Error, match="field of view"):
         bdpm.load(box, fov=180)
+
+
+def test_converted_arrays_are_the_same_scene(tmp_path: Path) -> None:
+    scene = lamp(render={"resolution": (8, 6)}, name="sign")
+    folder = tmp_path / "sign"
+    converted = bdpm.convert(scene, folder)
+    assert converted["folder"] == str(folder) and converted["files"] == sum(path.is_file() for path in folder.rglob("*"))
+    first, again = converted["fingerprints"]
+    assert first == again and converted["notes"] == []
+    copy = bdpm.load(folder)
+    assert copy.settings == scene.settings and copy.triangles == scene.triangles
+    fixed: dict[str, Any] = {"iterations": 2, "light_paths": 50, "camera_paths": 1, "accel": "bvh"}
+    np.testing.assert_array_equal(bdpm.render(copy, **fixed).image, bdpm.render(scene, **fixed).image)
+
+
+def test_converted_file_is_that_of_the_program(tmp_path: Path, program: str) -> None:
+    obj = "scenes/cornell-box/cornell-box.obj"
+    own, other = tmp_path / "own", tmp_path / "other"
+    converted = bdpm.convert(obj, own)
+    done = subprocess.run([program, "convert", obj, other, "--json"], check=True, capture_output=True, text=True)
+    assert {**json.loads(done.stdout), "folder": str(own)} == converted
+    assert (own / "scene.toml").read_text() == (other / "scene.toml").read_text()
+    assert any("no camera" in note["text"] for note in converted["notes"])
+    with pytest.raises(bdpm.Error, match="scene.toml"):
+        bdpm.convert(obj, own)
+    assert bdpm.convert(obj, own, force=True)["fingerprints"] == converted["fingerprints"]
+    with pytest.raises(TypeError, match="neither a Scene nor the path"):
+        bdpm.convert(3, own)  # type: ignore[arg-type]

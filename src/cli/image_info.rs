@@ -3,10 +3,11 @@
 use super::json;
 use super::render_report::interval_text;
 use bdpm::Settings;
+use bdpm::adaptive::error_interval::ErrorInterval;
 use bdpm::base::error::{Error, Result};
-use bdpm::image_io::{ExrSummary, Metadata, Value, read_exr_summary};
+use bdpm::image_io::{ExrSummary, Metadata, NOISY, Value, read_exr_summary};
 use bdpm::load::counted;
-use bdpm::output::recorded_error::{POOLED_RMS, RecordedError};
+use bdpm::output::recorded_error::{POOLED_RMS, RecordedDenoisedError, RecordedError};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Number};
 use std::fmt::Write;
@@ -47,6 +48,8 @@ struct Origin {
     /// Steps with counts, iterations and weights.
     plan: Option<Vec<PlanStep>>,
     error: Option<RecordedError>,
+    /// Error of the layer `denoised`.
+    denoised_error: Option<RecordedDenoisedError>,
     /// RMS of the noise as luminance, W/(m^2 sr), pooled over all pixels.
     rms: Option<f64>,
     audit: Option<AuditSummary>,
@@ -120,7 +123,10 @@ impl Origin {
     fn new(metadata: &Metadata) -> Result<Self> {
         let mut facts = metadata.clone();
         let error = RecordedError::read(metadata);
-        facts.retain(|name, _| !name.starts_with("relative error"));
+        let denoised_error = RecordedDenoisedError::read(metadata);
+        facts.retain(|name, _| {
+            !(name.starts_with("relative error") || RecordedDenoisedError::has(name))
+        });
         let audit = take_text(&mut facts, "audit").map(|verdict| AuditSummary {
             verdict,
             agreement: take_number(&mut facts, "audit agreement"),
@@ -147,6 +153,7 @@ impl Origin {
             settings,
             plan,
             error,
+            denoised_error,
             rms: take_number(&mut facts, POOLED_RMS),
             audit,
             other: facts.into_iter().map(|(name, value)| (name, in_json(value))).collect(),
@@ -185,7 +192,7 @@ impl Rows {
         }
     }
 
-    fn add_origin(&mut self, origin: &Origin, is_denoised: bool) {
+    fn add_origin(&mut self, origin: &Origin, layers: &[LayerReport]) {
         let Origin { scene, fingerprint, camera, backend, iterations, .. } = origin;
         if let (Some(scene), Some(fingerprint)) = (scene, fingerprint) {
             self.add("scene", format!("{scene} (fingerprint {fingerprint})"));
@@ -201,28 +208,46 @@ impl Rows {
         for step in origin.plan.iter().flatten() {
             self.add("counts", step.text(&origin.settings));
         }
-        self.add_error(origin, is_denoised);
+        self.add_error(origin, layers);
         for (name, value) in &origin.settings {
             let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
             self.add(&name.replace('_', " "), value);
         }
     }
 
-    /// The stated error is that of the image itself, not that of its denoised layer.
-    fn add_error(&mut self, origin: &Origin, is_denoised: bool) {
+    /// The stated errors: that of the image before denoising, and that of its denoised layer.
+    fn add_error(&mut self, origin: &Origin, layers: &[LayerReport]) {
         let percent = |share: f64| format!("{:.2} %", 100.0 * share);
+        let within = |interval: Option<ErrorInterval>| {
+            interval.as_ref().map_or(String::new(), interval_text)
+        };
+        let has = |name: &str| layers.iter().any(|layer| layer.name == name);
+        let (has_denoised, replaced) = (has("denoised"), has(NOISY));
         let error = match origin.error {
             Some(RecordedError { total, noise, bias, interval }) => format!(
                 "{}{}: noise {}, bias {}",
                 percent(total),
-                interval.as_ref().map_or(String::new(), interval_text),
+                within(interval),
                 percent(noise),
                 percent(bias)
             ),
             None => "not stated: only finished automatic renders state it".into(),
         };
-        let of = if is_denoised { ", before denoising" } else { "" };
+        let of = if has_denoised || replaced { ", before denoising" } else { "" };
         self.add("relative error", format!("{error}{of}"));
+        let denoised = match origin.denoised_error {
+            Some(RecordedDenoisedError { total, interval }) => {
+                Some(format!("{}{}", percent(total), within(interval)))
+            }
+            None if replaced => Some("not known: bdpm render --denoise estimates it".into()),
+            None if has_denoised => {
+                Some("not stated: it was not estimated, or the render was not finished".into())
+            }
+            None => None,
+        };
+        if let Some(denoised) = denoised {
+            self.add("denoised error", denoised);
+        }
         if let Some(rms) = origin.rms {
             self.add("noise", format!("pooled RMS {rms:.4}, as luminance"));
         }
@@ -254,9 +279,7 @@ fn text(report: &ImageReport) -> String {
     let mut rows = Rows::default();
     rows.add_file(report);
     match &report.bdpm {
-        Some(origin) => {
-            rows.add_origin(origin, report.layers.iter().any(|layer| layer.name == "denoised"));
-        }
+        Some(origin) => rows.add_origin(origin, &report.layers),
         None => rows.add("origin", "another program: it states neither settings nor error"),
     }
     rows.0

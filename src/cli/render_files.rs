@@ -19,7 +19,7 @@ use bdpm::output::denoise;
 use bdpm::output::denoise::Denoised;
 use bdpm::output::layers::{LayerName, LayerSelection};
 use bdpm::output::recorded_camera::record;
-use bdpm::output::recorded_error::{RecordedError, record_pooled_rms};
+use bdpm::output::recorded_error::{RecordedDenoisedError, RecordedError, record_pooled_rms};
 use bdpm::render::accumulators::SharedStatistics;
 use bdpm::render::block::CombinedImage;
 use bdpm::settings::Crop;
@@ -49,6 +49,15 @@ const ESTIMATE_AFTER: f64 = 0.15;
 /// Share of the given time that writing must take by [`WRITE_PIXEL`] to be estimated. A lower share
 /// does not matter.
 const MIN_ESTIMATED: f64 = 0.005;
+
+/// Errors that an image file states.
+#[derive(Default)]
+pub struct StatedErrors {
+    /// Error of the image without denoising.
+    pub image: Option<RelativeError>,
+    /// Error of the layer `denoised`.
+    pub denoised: Option<RecordedDenoisedError>,
+}
 
 /// Files to write.
 pub struct Outputs {
@@ -165,7 +174,7 @@ impl FileSchedule {
                     let mean = if denoised.is_some() { Vec::new() } else { image.mean() };
                     let preview = denoised.as_ref().map_or(&mean, |denoised| &denoised.image);
                     let shown = (&preview[..], denoised.as_ref());
-                    writer.save_image(state, &image, shown, &mut attempts, None);
+                    writer.save_image(state, &image, shown, &mut attempts, StatedErrors::default());
                     warn(attempts.failures());
                 }
                 Err(error) => warn(Err(error)),
@@ -208,7 +217,7 @@ impl Writer {
         self.time += start.elapsed();
     }
 
-    /// Writes the image of a job, and its relative error if that is known. The preview is the
+    /// Writes the image of a job, and its relative errors if they are known. The preview is the
     /// denoised image if there is one, else the image.
     pub fn save_image(
         &mut self,
@@ -216,14 +225,17 @@ impl Writer {
         image: &CombinedImage,
         shown: (&[Rgb], Option<&Denoised>),
         attempts: &mut Attempts,
-        error: Option<RelativeError>,
+        errors: StatedErrors,
     ) {
         let sums = (image, state.renderer.shared());
         state.threads().install(|| {
             let audit = state.audit_report();
             let mut facts = Metadata::from_iter(audit.iter().flat_map(audit_attributes));
-            if let Some(error) = error {
+            if let Some(error) = errors.image {
                 RecordedError::from(error).record(&mut facts);
+            }
+            if let Some(error) = errors.denoised {
+                error.record(&mut facts);
             }
             record(state.camera(), &mut facts);
             self.save((&state.provenance, facts), sums, shown, attempts);

@@ -5,7 +5,7 @@ use super::outputs::Attempts;
 use super::page::{Page, Snapshot};
 use super::progress::Progress;
 use super::render::Args;
-use super::render_files::{FileSchedule, Outputs, Writer};
+use super::render_files::{FileSchedule, Outputs, StatedErrors, Writer};
 use super::render_report::{RenderReport, announce, text};
 use super::scene_input::SceneInput;
 use super::verbose;
@@ -153,7 +153,9 @@ impl<'a> RenderObserver<'a> {
         let mut attempts = Attempts::default();
         let image = result.state.image();
         let shown = (&result.image[..], result.state.denoised());
-        writer.save_image(&result.state, &image, shown, &mut attempts, result.error);
+        let denoised = result.denoised.and_then(|denoised| denoised.recorded());
+        let errors = StatedErrors { image: result.error, denoised };
+        writer.save_image(&result.state, &image, shown, &mut attempts, errors);
         black_image::warn(&result.image, &progress);
         drop(image);
         if let Some(path) = &args.noise {

@@ -32,6 +32,10 @@ fn folder() -> (tempfile::TempDir, impl Fn(&str) -> PathBuf) {
     (folder, move |name| path.join(name))
 }
 
+fn info(image: &Path) -> Value {
+    json(&run(&["info", "--json"]).arg(image).output().unwrap())
+}
+
 fn names(image: &Image) -> Vec<&str> {
     let mut names: Vec<&str> = image.layers.iter().map(|layer| &layer.name[..]).collect();
     names.sort_unstable();
@@ -82,6 +86,15 @@ fn a_denoised_image_is_a_layer_with_its_error_and_a_resumed_one_is_the_same() {
     let (squared, raw_squared) =
         (error["squared"].as_f64().unwrap(), error["raw"].as_f64().unwrap());
     assert!(error["standard_error"].as_f64().unwrap() > 0.0 && squared < raw_squared, "{report}");
+    let (plain, info) = (info(&raw), info(&whole));
+    let stated = &info["bdpm"]["denoised_error"];
+    assert_eq!(stated["total"], report["denoised"]["total_error"], "{info}");
+    assert_eq!(stated["interval"], report["denoised"]["interval"], "{info}");
+    assert!(stated["total"].as_f64().unwrap() > 0.0, "{info}");
+    assert!(plain["bdpm"]["denoised_error"].is_null(), "{plain}");
+    let shown = run(&["info"]).arg(&whole).output().unwrap();
+    let shown = succeed(&shown);
+    assert!(shown.contains("denoised error    ") && shown.contains("before denoising"), "{shown}");
     let (raw, image) = (read_exr(&raw).unwrap(), read_exr(&whole).unwrap());
     assert_eq!(raw.layer(""), image.layer(""), "the raw image stays the image");
     let mut expected = ALL.to_vec();
@@ -238,6 +251,9 @@ fn any_image_is_denoised_and_unknown_errors_are_not_invented() {
     }
     let output = run(&["denoise"]).arg(&image).output().unwrap();
     assert!(succeed(&output).contains("error is not known"));
+    assert!(info(&out)["bdpm"]["denoised_error"].is_null());
+    let shown = run(&["info"]).arg(&out).output().unwrap();
+    assert!(succeed(&shown).contains("denoised error    not known"));
     assert!(at("a.denoised.exr").exists());
     let output = run(&["denoise", "--output"]).arg(&image).arg(&image).output().unwrap();
     assert_refused(&output, "--output", "");

@@ -63,6 +63,11 @@ impl FromStr for LookAt {
 }
 
 impl CameraChange<'_> {
+    /// Returns true if the position of the scene's own camera has no effect.
+    pub(super) fn replaces_position(&self) -> bool {
+        self.from.is_some() || self.look_at.is_some()
+    }
+
     /// The changed camera of a scene whose origin is at this point of its file, and the resolution
     /// of the scene that the camera is from.
     ///

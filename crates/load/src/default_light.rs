@@ -9,6 +9,7 @@ use bdpm_core::scene::{Emitter, Environment, Scene};
 use bdpm_import::Warning;
 use std::f32::consts::PI;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Minimum share of the visible surfaces that must not be black.
 const MIN_LIT: f64 = 0.5;
@@ -17,9 +18,11 @@ const MIN_LIT_BY_PLACED: f64 = 0.2;
 
 /// The scene with light, and a warning about added light. The scene keeps its own light if that
 /// shows what the camera sees. Otherwise it gets a soft environment and, where too little of that
-/// gets in, a lamp near the camera as well.
+/// gets in, a lamp near the camera as well. `accel` is the scene's acceleration structure, if there
+/// is one already.
 pub(super) fn with_light(
     mut scene: Scene,
+    accel: Option<Arc<dyn Intersect>>,
     resolution: [u32; 2],
     path: &Path,
     warnings: &mut Vec<Warning>,
@@ -30,8 +33,8 @@ pub(super) fn with_light(
     let is_inside = eye.cmpge(bounds.min).all() && eye.cmple(bounds.max).all();
     // The decision does not depend on the backend of the render. A scene that no backend supports
     // is refused later.
-    let accel = if has_own || is_inside { build(Backend::Bvh, &scene).ok() } else { None };
-    let Some(accel) = accel else {
+    let built = || accel.or_else(|| build(Backend::Bvh, &scene).ok());
+    let Some(accel) = (has_own || is_inside).then(built).flatten() else {
         if !has_own {
             warnings.push(warning(path, "nothing emits light", &environment_text(1.0)));
             scene = scene.with_environment(soft(1.0));

@@ -6,13 +6,16 @@
 
 mod camera_change;
 mod checks;
+mod convert;
 mod default_camera;
 mod default_light;
 mod lit_check;
+mod sight;
 mod summary;
 
 pub use bdpm_import::NamedMesh;
 pub use camera_change::{CameraChange, LookAt};
+pub use convert::{Converted, convert};
 pub use summary::{SceneSummary, counted};
 
 use bdpm_core::base::error::Result;
@@ -133,8 +136,13 @@ fn complete(imported: Imported, path: &Path, options: &LoadOptions) -> Result<Lo
         mut assembly,
     } = imported;
     let change = options.camera_change;
-    if !has_camera {
-        warnings.extend(default_camera::warning(&scene, &change, &file));
+    let mut accel = None;
+    if !has_camera && !change.replaces_position() {
+        let start = Instant::now();
+        let (warning, built) = default_camera::place(&mut scene, &change, &file);
+        warnings.push(warning);
+        accel = built;
+        assembly += start.elapsed();
     }
     let (camera, resolution) = change.apply(scene.camera, scene.file_origin())?;
     scene.camera = camera;
@@ -142,7 +150,7 @@ fn complete(imported: Imported, path: &Path, options: &LoadOptions) -> Result<Lo
     if may_lack_light && options.environment.is_none() && !options.no_fallback_light {
         let start = Instant::now();
         let resolution = defaults.resolution.unwrap_or([1, 1]);
-        scene = default_light::with_light(scene, resolution, &file, &mut warnings);
+        scene = default_light::with_light(scene, accel, resolution, &file, &mut warnings);
         assembly += start.elapsed();
     }
     checks::require_light(&scene).map_err(|error| error.at(&file))?;

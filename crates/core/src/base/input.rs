@@ -57,6 +57,15 @@ pub fn read_as(path: &Path) -> Option<PathBuf> {
     (FileId::of(name)? == identity).then(|| name.clone())
 }
 
+/// Takes files off the list of those that this process has read: copies that it read only to check
+/// them.
+pub fn forget(paths: &[PathBuf]) {
+    let mut read = READ.lock().unwrap_or_else(PoisonError::into_inner);
+    paths.iter().filter_map(|path| FileId::of(path)).for_each(|identity| {
+        read.remove(&identity);
+    });
+}
+
 /// Refuses to write `what` to `path` if this process has read that file.
 ///
 /// # Errors
@@ -167,6 +176,8 @@ mod tests {
         fs::rename(at("d"), at("a")).unwrap();
         assert_eq!(read_as(&at("a")), None);
         assert!(open(&at("b")).is_ok() && read_as(&at("b")).is_some());
+        forget(&[at("b"), at("new")]);
+        assert_eq!(read_as(&at("b")), None);
     }
 
     #[cfg(unix)]

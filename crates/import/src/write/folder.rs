@@ -30,11 +30,11 @@ impl<'a> ExportFolder<'a> {
         self.root.join(name)
     }
 
-    /// Creates the folders, and returns the number of files.
+    /// Creates the folders, and returns the paths of the files.
     ///
     /// # Errors
     /// If a file exists and must not be replaced, or if this process has read it.
-    pub fn begin(&self) -> Result<usize> {
+    pub fn begin(&self) -> Result<Vec<PathBuf>> {
         let exists = |name: &&String| self.path(name).symlink_metadata().is_ok();
         let existing: Vec<&str> = self.planned.iter().filter(exists).map(String::as_str).collect();
         if !(existing.is_empty() || self.replace) {
@@ -42,13 +42,13 @@ impl<'a> ExportFolder<'a> {
             let advice = "name another folder, or allow its files to be replaced";
             return Err(Error::new(problem, advice).at(self.root));
         }
-        let paths = self.planned.iter().map(|name| self.path(name));
-        paths.clone().try_for_each(|path| check_not_read(&path, "the copy"))?;
-        for path in paths {
+        let paths: Vec<PathBuf> = self.planned.iter().map(|name| self.path(name)).collect();
+        paths.iter().try_for_each(|path| check_not_read(path, "the copy"))?;
+        for path in &paths {
             let folder = path.parent().unwrap_or(self.root);
             std::fs::create_dir_all(folder).map_err(|e| Error::io("make the folder", folder, e))?;
         }
-        Ok(self.planned.len())
+        Ok(paths)
     }
 
     /// Writes a part of the scene without the cost of atomic replacement. There may be thousands of

@@ -19,14 +19,14 @@ use folder::ExportFolder;
 use materials::MaterialTables;
 use media::MediumTables;
 use meshes::MeshFiles;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use textures::TextureFiles;
 
 /// The result of [`export_scene`].
 #[derive(Clone, Debug)]
 pub struct Exported {
-    /// Number of files.
-    pub files: usize,
+    /// The files.
+    pub files: Vec<PathBuf>,
     /// Properties of the scene that the formats cannot represent.
     pub warnings: Vec<Warning>,
 }

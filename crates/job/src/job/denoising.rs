@@ -4,6 +4,7 @@
 use crate::output::denoise::{
     Denoised, ErrorSummary, Guides, Oidn, Quality, TILE, Validation, Window, denoise, guides,
 };
+use crate::output::recorded_error::RecordedDenoisedError;
 use bdpm_auto::adaptive::error_interval::{ErrorInterval, SquaredPart};
 use bdpm_auto::adaptive::stopping::Stop;
 use bdpm_core::base::error::Result;
@@ -175,6 +176,13 @@ pub struct DenoisedReport {
     pub is_raw: bool,
     /// Time of all runs of the denoiser, seconds.
     pub seconds: f64,
+}
+
+impl DenoisedReport {
+    /// The error as an image file states it, if it was estimated.
+    pub fn recorded(&self) -> Option<RecordedDenoisedError> {
+        Some(RecordedDenoisedError { total: self.total_error?, interval: self.interval })
+    }
 }
 
 impl Denoising {

@@ -157,8 +157,9 @@ impl RenderResult {
     }
 
     /// Content of the image file: the image without denoising, the noise of each pixel (`rms`,
-    /// luminance, W/(m^2 sr)) if it is known, the layers of [`Self::layers`], the relative
-    /// error if it is known, and the settings and the plan that repeat the image.
+    /// luminance, W/(m^2 sr)) if it is known, the layers of [`Self::layers`], the relative errors
+    /// of the image and of its denoised layer if they are known, and the settings and the plan that
+    /// repeat the image.
     pub fn to_image_file(&self, selection: &LayerSelection) -> Image {
         let image = self.state.image();
         let pixels = image.mean();
@@ -177,6 +178,9 @@ impl RenderResult {
         }
         if let Some(error) = self.error {
             RecordedError::from(error).record(&mut metadata);
+        }
+        if let Some(error) = self.denoised.and_then(|denoised| denoised.recorded()) {
+            error.record(&mut metadata);
         }
         let (width, height) = self.resolution;
         let mut file = Image { width, height, layers, metadata };
