@@ -134,8 +134,8 @@ fn measured_lambertian(rng: &mut Rng, peak: f64, paths: u32) -> GroupedIntensiti
                 }
             }
         }
-        for node in 0..values.len() {
-            values[node] /= grid.solid_angle(node);
+        for (node, value) in values.iter_mut().enumerate() {
+            *value /= grid.solid_angle(node);
         }
         for row in [0, ROWS - 1] {
             let pole = values[row * PLANES];
