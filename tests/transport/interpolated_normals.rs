@@ -124,11 +124,11 @@ fn furnaces_of_smooth_spheres_have_the_radiance_of_flat_ones() {
         let scene = scene(vec![wall.clone()], materials, vec![], camera.clone());
         let accel = accel(&scene);
         let merging = Settings {
-            light_paths: 5000,
+            light_paths: 2000,
             camera_paths: 4,
             // On a sphere the kernel has no bias at any radius.
-            radius: 0.2,
-            caustic_radius: 0.2,
+            radius: 0.1,
+            caustic_radius: 0.1,
             ..settings(4, 4)
         };
         let tracing = Settings { strategy: Strategy::Path, camera_paths: 64, ..merging.clone() };
