@@ -1,10 +1,13 @@
 """How often the interval that `bdpm measure` states holds the true value: docs/measurements/meter-intervals.md.
 
     scripts/meter_intervals.py measure CASE STRATEGY RUNS [LIMIT]   renders what is missing of this many runs
-    scripts/meter_intervals.py reference CASE MINUTES               extends the reference of `caustics`
+    scripts/meter_intervals.py reference CASE MINUTES               extends the reference of a case without a closed form
     scripts/meter_intervals.py table                                prints a row for each case, strategy and limit
+    scripts/meter_intervals.py coverage RUNS SECONDS [MINUTES]      does all of that for the seven situations of
+                                                                    scripts/meter_situations.py, with references of
+                                                                    this many minutes each (10 by default)
 
-STRATEGY is `chosen` for the automatic one. LIMIT is a target such as 3% (the default) or a time such as 3s. The program
+CASE is furnace, sphere, caustics, or a situation: l-corridor, glass-ball, window, room, bend, sky, globe. STRATEGY is `chosen` for the automatic one. LIMIT is a target such as 3% (the default) or a time such as 3s. The program
 is $BDPM, or else target/release/bdpm. Results are kept in target/measured/meter-intervals, so that a stopped run
 continues. The table needs numpy.
 """
@@ -17,6 +20,8 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+
+from meter_situations import SITUATIONS
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "target/measured/meter-intervals"
@@ -75,7 +80,7 @@ def caustics(folder):
     return text, [((0.75, 0.001, 0.2), up), ((0.1, 0.001, 0.6), up), ((-2.0, 0.001, 1.5), up)], None
 
 
-CASES = {"furnace": furnace, "sphere": sphere, "caustics": caustics}
+CASES = {"furnace": furnace, "sphere": sphere, "caustics": caustics, **SITUATIONS}
 
 
 def dot(a, b):
@@ -152,7 +157,11 @@ def prepare(case):
 def run(path, seed, *options):
     """A line of the results: value, expanded uncertainty and noise of each meter, lx, and the technique."""
     command = [PROGRAM, "measure", path, "--seed", str(seed), "--json", "--quiet", *options]
-    result = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    process = subprocess.run(command, capture_output=True, text=True)
+    # Status 3: some readings are unknown.
+    if process.returncode not in (0, 3):
+        sys.exit(f"{' '.join(map(str, command))}: {process.stderr}")
+    result = json.loads(process.stdout)
     meters = [one["readings"][0] for one in result["meters"]]
     keep = ("value", "expanded", "noise", "bias")
     readings = [[meter[key] for key in keep] for meter in meters]
@@ -181,11 +190,23 @@ def measure(case, strategy, runs, limit="3%"):
 
 def reference(case, minutes):
     """Renders by path tracing, which has no bias."""
-    path, _ = prepare(case)
+    path, values = prepare(case)
+    if values is not None:
+        sys.exit(f"{case} has a closed form and needs no reference")
     name, start = f"{case}_reference", time.monotonic()
     while time.monotonic() < start + 60 * float(minutes):
         seed = REFERENCE_SEED + len(results(name))
         append(name, run(path, seed, "--time", f"{REFERENCE_SECONDS}s", "--strategy", "path"))
+
+
+def coverage(runs, seconds, minutes="10"):
+    """Measures all situations and their references as far as that is missing, and prints the table."""
+    for case in SITUATIONS:
+        measure(case, "chosen", runs, f"{seconds}s")
+        done = REFERENCE_SECONDS / 60 * len(results(f"{case}_reference"))
+        # The standard error of a reference needs two renders.
+        reference(case, max(float(minutes) - done, 0 if done >= 2 else 2))
+    table()
 
 
 def true_values(case):
@@ -202,36 +223,48 @@ def true_values(case):
 def table():
     import numpy as np
 
-    heads = ["case", "strategy", "limit", "runs", "held", "held by noise alone", "stated over true spread"]
-    heads += ["bias, stated", "bias, true"]
+    heads = ["case", "strategy", "limit", "runs", "held", "too low", "too high", "unknown", "held by noise alone"]
+    heads += ["stated over true spread", "error of the reference over the stated", "bias, stated", "bias, true"]
     print(f"| {' | '.join(heads)} |\n|{len(heads) * '---|'}")
     for path in sorted(FOLDER.glob("*.jsonl")):
         case, strategy, *limit = path.stem.split("_")
         if strategy == "reference":
             continue
         lines = results(path.stem)
+        if CASES[case](FOLDER / case)[2] is None and len(results(f"{case}_reference")) < 2:
+            print(f"{path.stem}: run `reference {case} MINUTES` first", file=sys.stderr)
+            continue
         truth, deviation = true_values(case)
-        value, expanded, _, bias = np.moveaxis(np.array([line["readings"] for line in lines]), -1, 0)
-        error = value - truth
+        # Unknown readings are NaN. They state no interval, and count in none of the means.
+        readings = np.array([line["readings"] for line in lines], float)
+        value, expanded, _, bias = np.moveaxis(readings, -1, 0)
+        is_known = np.isfinite(value) & np.isfinite(expanded)
+        error = np.where(is_known, value - truth, np.nan)
         held, by_noise = np.abs(error) <= expanded, np.abs(error) <= expanded - bias
+        low, high = (100 * (error * sign > expanded)[is_known].mean() for sign in (-1, 1))
         # Meters of a run are not independent: the deviation is over runs.
-        share, spread = 100 * held.mean(), 100 * held.mean(axis=1).std(ddof=1) / math.sqrt(len(lines))
-        squares = np.maximum((error**2).mean(axis=0) - deviation**2, 0)
-        ratio = np.sqrt((expanded**2).mean(axis=0) / (1.96**2 * squares)).mean()
-        true_bias = error.mean(axis=0) / truth
-        scatter = value.std(axis=0, ddof=1) / math.sqrt(len(lines)) / truth
+        whole = is_known.any(axis=1)
+        of_run = held[whole].sum(axis=1) / is_known[whole].sum(axis=1)
+        share, spread = 100 * held[is_known].mean(), 100 * of_run.std(ddof=1) / math.sqrt(len(of_run))
+        squares = np.maximum(np.nanmean(error**2, axis=0) - deviation**2, 0)
+        stated_squares = np.nanmean(np.where(is_known, expanded, np.nan) ** 2, axis=0)
+        ratio = np.sqrt(stated_squares / (1.96**2 * squares)).mean()
+        of_reference = (deviation / np.sqrt(stated_squares)).max()
+        true_bias = np.nanmean(error, axis=0) / truth
+        scatter = np.nanstd(np.where(is_known, value, np.nan), axis=0, ddof=1) / math.sqrt(len(lines)) / truth
         signed = ", ".join(f"{100 * b:+.2f} +- {100 * s:.2f} %" for b, s in zip(true_bias, scatter))
-        stated = 100 * (bias / value).mean()
+        stated = 100 * np.nanmean(np.where(is_known, bias / value, np.nan))
         cells = [case, strategy, *limit, len(lines)]
-        cells += [f"{share:.1f} +- {spread:.1f} %", f"{100 * by_noise.mean():.1f} %"]
-        cells += [f"{ratio:.2f}", f"{stated:.2f} %", signed]
+        cells += [f"{share:.1f} +- {spread:.1f} %", f"{low:.1f} %", f"{high:.1f} %", np.count_nonzero(~is_known)]
+        cells += [f"{100 * by_noise[is_known].mean():.1f} %", f"{ratio:.2f}", f"{of_reference:.2f}"]
+        cells += [f"{stated:.2f} %", signed]
         print(f"| {' | '.join(map(str, cells))} |")
         names = collections.Counter(line["technique"].split(": ", 1)[1].rsplit(", ", 3)[0] for line in lines)
         print(f"  {path.stem}: {dict(names)}", file=sys.stderr)
 
 
 if __name__ == "__main__":
-    commands = {"measure": measure, "reference": reference, "table": table}
+    commands = {"measure": measure, "reference": reference, "table": table, "coverage": coverage}
     if len(sys.argv) < 2 or sys.argv[1] not in commands:
         sys.exit(__doc__)
     commands[sys.argv[1]](*sys.argv[2:])

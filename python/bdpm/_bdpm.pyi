@@ -446,7 +446,7 @@ def measure(
     **options: Unpack[_JobOptions],
 ) -> Measurement: ...
 def glare(
-    image: RenderResult | ArrayLike,
+    image: RenderResult | list[RenderResult] | ArrayLike,
     *,
     projection: str = "equidistant",
     fov: float = 180.0,

@@ -112,6 +112,17 @@ impl RenderResult {
         })
     }
 
+    /// Returns true if both images show the same scene by the same camera at one size.
+    pub fn has_view_of(&self, other: &Self) -> bool {
+        let view = |own: &Self| (own.result.state.provenance.fingerprint, own.size());
+        view(self) == view(other)
+    }
+
+    /// Seed of the random numbers of the image.
+    pub fn seed(&self) -> u64 {
+        self.result.state.provenance.settings.seed
+    }
+
     fn file(&self, py: Python<'_>) -> Image {
         py.detach(|| self.result.to_image_file(&self.selection))
     }

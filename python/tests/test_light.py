@@ -65,3 +65,24 @@ def test_glare_of_a_path_traced_result_has_uncertainties() -> None:
     assert rating["expanded"]["vertical_illuminance"] >= 0
     with pytest.raises(ValueError, match="fisheye"):
         bdpm.glare(bdpm.render(bdpm.load("scenes/cornell-box"), iterations=2, resolution=(16, 16), accel="bvh"))
+
+
+def test_glare_of_several_results_has_uncertainties_by_their_spread() -> None:
+    # The eye looks at a gray floor, at whose edges the sky begins.
+    mesh = bdpm.Mesh(
+        [(-1, 0, -1), (-1, 0, 1), (1, 0, 1), (1, 0, -1)], [(0, 1, 2), (0, 2, 3)], material={"albedo": 0.5}
+    )
+    camera = {"type": "fisheye", "position": (0, 0.5, 0), "target": (0, -5, 0), "up": (0, 0, 1)}
+    scene = bdpm.Scene.from_meshes([mesh], camera=camera, environment={"radiance": 1})
+    options: dict[str, Any] = {"iterations": 2, "light_paths": 100, "resolution": (32, 32), "accel": "bvh"}
+    results = [bdpm.render(scene, seed=seed, **options) for seed in (1, 2, 3)]
+    assert bdpm.glare(results[0])["expanded"] is None
+    rating = bdpm.glare(results)
+    alone = [bdpm.glare(result)["vertical_illuminance"] for result in results]
+    assert rating["vertical_illuminance"] == pytest.approx(np.mean(alone), rel=1e-5)
+    # Student's quantile of 95 % for two degrees of freedom
+    spread = 4.303 * np.std(alone, ddof=1) / math.sqrt(3)
+    assert spread > 0
+    assert rating["expanded"]["vertical_illuminance"] == pytest.approx(spread, rel=1e-3)
+    with pytest.raises(ValueError, match="seed"):
+        bdpm.glare([results[0], results[1], results[0]])

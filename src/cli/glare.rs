@@ -7,16 +7,20 @@ use bdpm::image_io::Metadata;
 use bdpm::import::{RadianceImage, read_radiance};
 use bdpm::light::glare::{Glare, LuminanceImage, PEAK, SEARCH_ANGLE, SourceSearch, THRESHOLD};
 use bdpm::output::recorded_camera::RecordedCamera;
+use bdpm::output::recorded_error::RecordedError;
 use bdpm::scene::FisheyeProjection;
 use bdpm::settings::provenance::Provenance;
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
 pub struct Args {
     /// Read this fisheye image, an .exr or .hdr file, or this scene with luminaires
     #[arg(value_name = "IMAGE|SCENE")]
     image: PathBuf,
+    /// Read more images of this view with other seeds, and rate their mean
+    #[arg(value_name = "IMAGE")]
+    others: Vec<PathBuf>,
     /// Take this projection [default: that of the file, or equidistant]
     #[arg(long)]
     projection: Option<Projection>,
@@ -62,16 +66,24 @@ impl From<Projection> for FisheyeProjection {
 #[derive(Serialize)]
 struct GlareReport<'a> {
     image: String,
+    /// All images of which the mean is rated.
+    images: Vec<String>,
     luminance_unit: &'static str,
     illuminance_unit: &'static str,
     /// Why there are no uncertainties, if there are none.
     without_uncertainty: Option<&'static str>,
+    /// Errors that the uncertainties do not include.
+    notes: &'a [String],
     #[serde(flatten)]
     glare: &'a Glare,
 }
 
 pub fn run(args: &Args) -> Result<String> {
     if room_glare::is_scene(&args.image) {
+        if let Some(other) = args.others.first() {
+            let problem = format!("{}: one scene is rated at a time", other.display());
+            return Err(Error::new(problem, "give one scene, or images of one view"));
+        }
         return room_glare::run(&args.image, &args.room, args.json);
     }
     args.room.require_none()?;
@@ -88,48 +100,144 @@ pub fn run(args: &Args) -> Result<String> {
         let problem = format!("the angle is {} radians", args.search_angle);
         return Err(Error::new(problem, "give an angle above 0, of at most pi"));
     }
-    let RadianceImage { size, mut pixels, noise, metadata } = read_radiance(&args.image)?;
-    let lens = check_finite(size, &pixels).and_then(|()| lens(args, &metadata));
-    let (projection, fov) = lens.map_err(|error| error.at(&args.image))?;
-    // Images in other units of luminance
-    let scale = (args.efficacy / 683.0) as f32;
-    pixels.iter_mut().for_each(|pixel| *pixel *= scale);
-    let mut image = LuminanceImage::new(size, &pixels, projection, fov.to_radians());
-    let (noise, without_uncertainty) = match independent_noise(noise, &metadata) {
-        Ok(noise) => (Some(noise), None),
-        Err(reason) => (None, Some(reason)),
-    };
-    if let Some(mut noise) = noise {
-        noise.iter_mut().for_each(|own| *own *= scale);
-        image = image.with_noise(&noise);
-    }
+    let paths: Vec<&Path> =
+        [&args.image].into_iter().chain(&args.others).map(|own| &**own).collect();
+    let rated = RatedImages::read(args, &paths)?;
     let search =
         SourceSearch { threshold: args.threshold, peak: args.peak, angle: args.search_angle };
-    let glare = Glare::new(&image, &search);
+    let glare = Glare::new(&rated.image, &search);
     if args.json {
-        let image = args.image.display().to_string();
-        let units = ("cd/m2", "lx");
+        let images: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
         return Ok(json(&GlareReport {
-            image,
-            luminance_unit: units.0,
-            illuminance_unit: units.1,
-            without_uncertainty,
+            image: images[0].clone(),
+            images,
+            luminance_unit: "cd/m2",
+            illuminance_unit: "lx",
+            without_uncertainty: rated.without_uncertainty,
+            notes: &rated.notes,
             glare: &glare,
         }));
     }
-    Ok(text(&glare, without_uncertainty))
+    Ok(text(&glare, &rated))
+}
+
+/// The image that is rated, which may be the mean of several.
+struct RatedImages {
+    image: LuminanceImage,
+    /// Why there are no uncertainties, if there are none.
+    without_uncertainty: Option<&'static str>,
+    /// Errors that the uncertainties do not include.
+    notes: Vec<String>,
+}
+
+impl RatedImages {
+    /// Reads images of one view.
+    ///
+    /// # Errors
+    /// If one of them is no whole fisheye image, or if they are not of one view with different
+    /// seeds. Names the file.
+    fn read(args: &Args, paths: &[&Path]) -> Result<Self> {
+        let mut all: Vec<RadianceImage> = Vec::new();
+        let mut lenses = Vec::new();
+        // Images in other units of luminance
+        let scale = (args.efficacy / 683.0) as f32;
+        for path in paths {
+            let mut own = read_radiance(path)?;
+            let lens = check_finite(own.size, &own.pixels).and_then(|()| lens(args, &own.metadata));
+            lenses.push(lens.map_err(|error| error.at(path))?);
+            own.pixels.iter_mut().for_each(|pixel| *pixel *= scale);
+            own.noise.iter_mut().flatten().for_each(|noise| *noise *= scale);
+            all.push(own);
+        }
+        for (number, own) in all.iter().enumerate().skip(1) {
+            let (earlier, is_same_lens) = (&all[..number], lenses[number] == lenses[0]);
+            require_repetition(own, earlier, is_same_lens).map_err(|e| e.at(paths[number]))?;
+        }
+        let (projection, fov) = lenses[0];
+        let new =
+            |pixels: &[Rgb]| LuminanceImage::new(all[0].size, pixels, projection, fov.to_radians());
+        let (image, without_uncertainty) = match &all[..] {
+            [one] => match independent_noise(one) {
+                Ok(noise) => (new(&one.pixels).with_noise(noise), None),
+                Err(reason) => (new(&one.pixels), Some(reason)),
+            },
+            _ => {
+                let images: Vec<LuminanceImage> = all.iter().map(|own| new(&own.pixels)).collect();
+                (LuminanceImage::mean_of(&images), None)
+            }
+        };
+        let notes = if without_uncertainty.is_none() { bias_note(&all) } else { None };
+        Ok(Self { image, without_uncertainty, notes: notes.into_iter().collect() })
+    }
+}
+
+/// Refuses an image that does not repeat the earlier ones with other random numbers.
+fn require_repetition(
+    own: &RadianceImage,
+    earlier: &[RadianceImage],
+    is_same_lens: bool,
+) -> Result<()> {
+    let first = &earlier[0];
+    if own.size != first.size || !is_same_lens {
+        let problem = "this image has another size or lens than the first one";
+        return Err(Error::new(problem, "give images of one view"));
+    }
+    let made_by = |image: &RadianceImage| Provenance::from_metadata(&image.metadata).ok();
+    let fingerprint = |image: &RadianceImage| made_by(image).map(|own| own.fingerprint);
+    if let (Some(own), Some(first)) = (fingerprint(own), fingerprint(first))
+        && own != first
+    {
+        let problem = "this image is of another scene or view than the first one";
+        return Err(Error::new(problem, "give images of one view"));
+    }
+    let seed = |image: &RadianceImage| made_by(image).map(|own| own.settings.seed);
+    let own_seed = seed(own);
+    let is_equal = |other: &RadianceImage| {
+        other.pixels == own.pixels || own_seed.is_some() && seed(other) == own_seed
+    };
+    if earlier.iter().any(is_equal) {
+        let problem = "this image has the seed or the pixels of another one, so that both have the same errors";
+        return Err(Error::new(problem, "render each image with its own --seed"));
+    }
+    Ok(())
+}
+
+/// A note about the merge bias, which all images of a view have in common.
+fn bias_note(images: &[RadianceImage]) -> Option<String> {
+    let merges = |image: &RadianceImage| {
+        let made_by = Provenance::from_metadata(&image.metadata);
+        made_by.is_ok_and(|made_by| made_by.settings.has_photons())
+    };
+    let biases: Vec<Option<f64>> = images
+        .iter()
+        .filter(|image| merges(image))
+        .map(|image| RecordedError::read(&image.metadata).map(|own| own.bias))
+        .collect();
+    if biases.is_empty() {
+        return None;
+    }
+    let largest = biases.into_iter().collect::<Option<Vec<f64>>>();
+    let text = match largest.and_then(|all| all.into_iter().reduce(f64::max)) {
+        Some(bias) => format!("the merge bias, {:.2} % (RMS) of the image", 100.0 * bias),
+        None => "the merge bias, which not all images state".into(),
+    };
+    Some(format!("uncertainties do not include {text}"))
 }
 
 /// The standard errors of pixels if they are independent, or why they are not known.
-fn independent_noise(
-    noise: Option<Vec<f32>>,
-    metadata: &Metadata,
-) -> std::result::Result<Vec<f32>, &'static str> {
-    let noise = noise.ok_or("the image has no layer `rms`")?;
-    let made_by = Provenance::from_metadata(metadata);
-    let made_by = made_by.map_err(|_| "the image does not state its settings")?;
+fn independent_noise(image: &RadianceImage) -> std::result::Result<&[f32], &'static str> {
+    let noise = image
+        .noise
+        .as_deref()
+        .ok_or("the image has no layer `rms`: give several images of the view with other seeds")?;
+    let made_by = Provenance::from_metadata(&image.metadata);
+    let made_by = made_by.map_err(|_| {
+        "the image does not state its settings: give several images of the view with other seeds"
+    })?;
     match made_by.settings.has_photons() {
-        true => Err("pixels share photons; render with --strategy path for uncertainties"),
+        true => Err(
+            "pixels share photons: give several images of the view, each with its own --seed, or render with --strategy path",
+        ),
         false => Ok(noise),
     }
 }
@@ -179,7 +287,7 @@ fn lens(args: &Args, metadata: &Metadata) -> Result<(FisheyeProjection, f64)> {
     Ok((projection, fov.into()))
 }
 
-fn text(glare: &Glare, without_uncertainty: Option<&str>) -> String {
+fn text(glare: &Glare, rated: &RatedImages) -> String {
     let expanded = glare.expanded;
     let range = |own: Option<f64>, digits: usize| {
         own.map_or_else(String::new, |own| format!(" +- {own:.digits$}"))
@@ -195,8 +303,11 @@ fn text(glare: &Glare, without_uncertainty: Option<&str>) -> String {
         range(expanded.map(|own| own.vertical_illuminance), 1),
         glare.background_luminance
     );
-    if let Some(reason) = without_uncertainty {
+    if let Some(reason) = rated.without_uncertainty {
         text += &format!("without uncertainties: {reason}\n");
+    }
+    for note in &rated.notes {
+        text += &format!("note: {note}\n");
     }
     for source in &glare.sources {
         text += &format!(

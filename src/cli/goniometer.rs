@@ -16,6 +16,7 @@ use bdpm::light::grouped_intensities::{Estimate, Group, GroupedIntensities};
 use bdpm::light::photometry::{LuminaireDescription, OpeningShape, write_eulumdat, write_lm63};
 use bdpm::light::polar_plot::polar_plot;
 use bdpm::load::{LoadOptions, load_with};
+use bdpm::measurement::lost_light;
 use bdpm::scene::backend::{self, Backend};
 use bdpm::scene::{IntensityDistribution, Scene};
 use bdpm::transport::goniometer::{Goniometer, GoniometerGrid, Measured};
@@ -209,6 +210,7 @@ pub fn run(args: &Args) -> Result<String> {
     if !args.quiet {
         say(&format!("read {}", loaded.summary));
         print_notes(&loaded.warnings);
+        lost_light(&loaded.scene).iter().for_each(|note| say(&format!("note: {note}")));
     }
     outputs::spare_inputs(&files)?;
     let scene = &loaded.scene;
@@ -294,13 +296,10 @@ fn report(
     let table = |value: fn(&Measured) -> f64| {
         nodes.chunks(c.len()).map(|row| row.iter().map(value).collect()).collect()
     };
-    let values = nodes.iter().map(|node| node.value).enumerate();
-    let greatest = values.max_by(|(_, a), (_, b)| a.total_cmp(b));
-    let (index, _) = greatest.expect("at least three nodes");
     let groups = measurement.groups().into_iter();
     let groups = groups.map(|(iterations, values)| Group { weight: iterations as f64, values });
     let own = GroupedIntensities::new(c.len(), groups.collect());
-    let peak = own.peak();
+    let (peak, index) = (own.peak(), own.peak_node());
     let peak = Measured { value: peak.value, error: peak.error };
     let flux = measurement.flux();
     let ratio = Measured { value: flux.value / source_flux, error: flux.error / source_flux };

@@ -92,6 +92,40 @@ fn path_traced_images_have_uncertainties_and_others_a_reason() {
     assert!(shown.contains("+-") && !shown.contains("without"), "{shown}");
 }
 
+/// Images of one view with different seeds have uncertainties although their pixels share photons.
+#[test]
+fn repeated_images_have_the_uncertainty_of_their_spread() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = "type = \"fisheye\"\nfov_deg = 180";
+    let seeded =
+        |seed: &str| rendered(folder.path(), &format!("{seed}.exr"), camera, &["--seed", seed]);
+    let images = ["1", "2", "3"].map(seeded);
+    let [first, second, third] = images.each_ref().map(|path| path.to_str().unwrap());
+    let own = json(&glare(&images[0], &[second, third]));
+    assert!(own["without_uncertainty"].is_null(), "{own}");
+    assert_eq!(own["images"], serde_json::json!([first, second, third]));
+    assert!(own["notes"][0].as_str().unwrap().contains("merge bias"), "{own}");
+    let number = |own: &serde_json::Value| own["vertical_illuminance"].as_f64().unwrap();
+    // The mean of the three, with Student's quantile of 95 % for two degrees of freedom
+    let alone = images.each_ref().map(|path| number(&json(&glare(path, &[]))));
+    let mean = alone.iter().sum::<f64>() / 3.0;
+    let squares: f64 = alone.iter().map(|own| (own - mean).powi(2)).sum();
+    let expanded = 4.303 * (squares / 6.0).sqrt();
+    assert!((number(&own) / mean - 1.0).abs() < 1e-5, "{own} {mean}");
+    assert!((number(&own["expanded"]) / expanded - 1.0).abs() < 1e-3, "{own} {expanded}");
+
+    let refused = |others: &[&str], problem: &str, advice: &str| {
+        assert_refused(&glare(&images[0], others), problem, advice);
+    };
+    refused(&[second, second], "2.exr: this image has the seed", "--seed");
+    refused(&[first], "1.exr: this image has the seed", "--seed");
+    let other = "type = \"fisheye\"\nfov_deg = 150";
+    let other = rendered(folder.path(), "other.exr", other, &["--seed", "9"]);
+    refused(&[other.to_str().unwrap()], "another size or lens", "one view");
+    let scene = glare(Path::new(SCENE), &[first]);
+    assert_refused(&scene, "one scene is rated at a time", "images of one view");
+}
+
 #[test]
 fn images_of_other_cameras_and_windows_are_refused() {
     let folder = tempfile::tempdir().unwrap();

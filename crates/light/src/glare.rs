@@ -6,11 +6,16 @@
 //! Pixels above a higher luminance, such as those of the sun, leave their source and join each
 //! other likewise.
 
+mod uncertainty;
+
+pub use uncertainty::Expanded;
+
 use bdpm_core::base::math::{Rgb, luminance};
 use bdpm_core::base::photometry::LUMENS_PER_WATT;
 use bdpm_core::scene::FisheyeProjection;
 use glam::DVec3;
-use std::f64::consts::{FRAC_PI_2, LN_10, PI};
+use std::f64::consts::{FRAC_PI_2, PI};
+use uncertainty::{Noise, Totals};
 
 /// Luminance above which pixels are glare sources unless given, cd/m^2.
 pub const THRESHOLD: f64 = 2000.0;
@@ -18,8 +23,6 @@ pub const THRESHOLD: f64 = 2000.0;
 pub const PEAK: f64 = 50_000.0;
 /// Angle within which pixels belong to one source unless given, radians.
 pub const SEARCH_ANGLE: f64 = 0.2;
-/// Quantile of the normal distribution that its modulus exceeds with a probability of 5 %.
-const NORMAL_95: f64 = 1.959_964;
 /// Largest position index: a source there has no effect.
 const MAX_INDEX: f64 = 16.0;
 
@@ -30,8 +33,8 @@ pub struct LuminanceImage {
     /// Direction, solid angle in sr and luminance in cd/m^2 of each pixel in the image circle in
     /// front of the eye.
     pixels: Vec<(DVec3, f64, f64)>,
-    /// Variance of the luminance of each of `pixels`, (cd/m^2)^2, if it is known.
-    variances: Option<Vec<f64>>,
+    /// The noise of `pixels`.
+    noise: Noise,
     /// Index in `pixels` of each pixel of the image, row by row; [`OUTSIDE`] for others.
     index: Vec<u32>,
     width: usize,
@@ -87,21 +90,7 @@ impl LuminanceImage {
         };
         let index = all.iter().map(number).collect();
         let pixels = all.into_iter().flatten().collect();
-        Self { pixels, variances: None, index, width: width as usize }
-    }
-
-    /// The image with the standard error of the luminance of each of its pixels, W/(m^2 sr), row by
-    /// row. Errors of different pixels are taken as independent.
-    ///
-    /// # Panics
-    /// If there is not one for each pixel.
-    #[must_use]
-    pub fn with_noise(self, noise: &[f32]) -> Self {
-        assert_eq!(noise.len(), self.index.len(), "one standard error per pixel");
-        let used = noise.iter().zip(&self.index).filter(|(_, index)| **index != OUTSIDE);
-        let variance =
-            |(noise, _): (&f32, _)| (f64::from(LUMENS_PER_WATT) * f64::from(*noise)).powi(2);
-        Self { variances: Some(used.map(variance).collect()), ..self }
+        Self { pixels, noise: Noise::Unknown, index, width: width as usize }
     }
 
     /// Calls `visit` with the index of each pixel and those of its neighbors, at most eight.
@@ -155,17 +144,6 @@ pub struct Glare {
     pub background_luminance: f64,
     /// All glare sources, the strongest first.
     pub sources: Vec<GlareSource>,
-}
-
-/// Expanded uncertainties of the noise of an image, at a probability of 95 %.
-#[derive(Clone, Copy, Debug, serde::Serialize)]
-pub struct Expanded {
-    /// Uncertainty of the daylight glare probability.
-    pub dgp: f64,
-    /// Uncertainty of the unified glare rating; `None` without a rating.
-    pub ugr: Option<f64>,
-    /// Uncertainty of the vertical illuminance, lx.
-    pub vertical_illuminance: f64,
 }
 
 /// Sums over the pixels of a source.
@@ -370,58 +348,6 @@ impl Glare {
             background_luminance: background,
             sources,
         }
-    }
-}
-
-/// Sums over the image by which it is rated.
-struct Totals {
-    /// Vertical illuminance, lx.
-    vertical: f64,
-    /// Luminance of the background, cd/m^2.
-    background: f64,
-    /// Sum of `L^2 omega/P^2` over the sources.
-    sum: f64,
-}
-
-impl Totals {
-    /// Uncertainties by linear propagation of the noise of the pixels, each of which belongs to the
-    /// source `owner` or to the background.
-    fn expanded(
-        &self,
-        image: &LuminanceImage,
-        owner: &[Option<usize>],
-        sources: &[Sums],
-        is_rated: bool,
-    ) -> Option<Expanded> {
-        let variances = image.variances.as_ref()?;
-        let Self { vertical, background, sum } = *self;
-        let power = vertical.powf(-1.87);
-        // Derivatives of the DGP by the vertical illuminance and by the sum, [`probability`]
-        let contrast = 9.18e-2 / LN_10 / (1.0 + sum * power);
-        let by_sum = contrast * power;
-        let by_vertical = 5.87e-5 - 1.87 * contrast * sum * power / vertical;
-        // Twice the luminance over the square of the position index of each source
-        let strength =
-            |own: &Sums| 2.0 * own.weight / own.solid_angle / position_index(own.center()).powi(2);
-        let strengths: Vec<f64> = sources.iter().map(strength).collect();
-        let (mut dgp, mut ugr, mut lux) = (0.0, 0.0, 0.0);
-        for (((w, solid, _), owner), variance) in image.pixels.iter().zip(owner).zip(variances) {
-            let cosine = w.z * solid;
-            let of_sum = owner.map_or(0.0, |own| strengths[own] * solid);
-            lux += cosine * cosine * variance;
-            dgp += (by_vertical * cosine + by_sum * of_sum).powi(2) * variance;
-            if is_rated {
-                let of_background = if owner.is_none() { cosine / PI } else { 0.0 };
-                let own = 8.0 / LN_10 * (of_sum / sum - of_background / background);
-                ugr += own * own * variance;
-            }
-        }
-        let expanded = |variance: f64| NORMAL_95 * variance.sqrt();
-        Some(Expanded {
-            dgp: if vertical > 0.0 { expanded(dgp) } else { 0.0 },
-            ugr: is_rated.then(|| expanded(ugr)),
-            vertical_illuminance: expanded(lux),
-        })
     }
 }
 

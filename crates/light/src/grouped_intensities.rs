@@ -5,9 +5,37 @@
 //! read in the direction in which the other groups are greatest, and a fall below a share of the
 //! maximum is sought in the nonincreasing fit of least squares. Standard errors are those of the
 //! jackknife over the groups.
+//!
+//! Where the distribution is smooth around its maximum, a direction is read by a quadratic fit to
+//! the nodes around it. The fit has less noise than a node, and gives the intensity instead of its
+//! mean over a step. Its radius grows as long as the peak agrees with those of smaller radii within
+//! their errors (Lepski 1991).
+
+mod local_fit;
+
+use glam::DVec3;
+use local_fit::{Functional, Nodes};
 
 /// Standard errors by which an intensity is below a limit before a fall is certain.
 const CERTAIN: f64 = 2.0;
+
+/// Radii of fits, in steps of gamma.
+const RADII: [f64; 7] = [2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0];
+
+/// Largest radius of a fit, radians: 30 degrees.
+const WIDEST: f64 = 0.524;
+
+/// Standard errors by which the peaks of two radii may differ.
+const AGREEMENT: f64 = 2.0;
+
+/// Share of the peak by which fits may be off besides noise.
+const MISFIT: f64 = 5e-4;
+
+/// Directions in which the peak is sought: those of the greatest intensities of all groups.
+const CANDIDATES: usize = 24;
+
+/// Nodes with the greatest intensities among which candidates are.
+const PRESELECTED: usize = 2000;
 
 /// An estimate with its standard error.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,54 +79,214 @@ impl GroupedIntensities {
         Self { planes, groups }
     }
 
-    /// The greatest intensity of all nodes, cd.
+    /// The greatest intensity, cd.
     pub fn peak(&self) -> Estimate {
-        let tables: Tables =
-            self.groups.iter().map(|group| (group.weight, group.values.clone())).collect();
-        jackknife(&tables, |tables| Some(greatest(tables))).expect("a peak always exists")
+        let readings = self.readings(&self.brightest_nodes());
+        readings.peak().expect("a peak always exists")
+    }
+
+    /// Index of the node in whose direction the intensity is greatest.
+    pub fn peak_node(&self) -> usize {
+        let directions = self.brightest_nodes();
+        let readings = self.readings(&directions);
+        let best = index_of_greatest(&means(&readings.tables));
+        let (node, _) = directions[readings.directions[best]].nodes[0];
+        node
     }
 
     /// Angle between the directions of a plane in which the intensity falls to a share of its
     /// maximum in the plane, degrees: the beam angle for a share of .5 and the field angle for .1.
     /// `None` if the plane is dark, or if the intensity does not fall that far on both sides.
     pub fn opening_angle(&self, c: f64, share: f64) -> Option<Estimate> {
-        let profile = |group: &Group| (group.weight, self.profile(group, c));
-        let tables: Tables = self.groups.iter().map(profile).collect();
+        let profile = self.profile(c);
+        let values = self.tables(profile.iter().map(|direction| &direction.nodes[..]));
+        let readings = self.readings(&profile);
         let step = 180.0 / (self.rows() - 1) as f64;
-        let angle = |tables: &Tables| Some(step * width(tables, share)?);
-        jackknife(&tables, angle)
+        jackknife(self.groups.len(), |left_out| {
+            let limit = share * greatest(&without(&readings.tables, left_out));
+            Some(step * width(&without(&values, left_out), limit)?)
+        })
+    }
+
+    /// Directions of the nodes with the greatest intensities. The nodes of a pole are one.
+    fn brightest_nodes(&self) -> Vec<Direction> {
+        let (grid, last) = (self.grid(), self.rows() - 1);
+        let is_first = |node: &usize| {
+            let row = node / self.planes;
+            node % self.planes == 0 || row > 0 && row < last
+        };
+        let means = self.node_means();
+        let mut nodes: Vec<usize> = (0..means.len()).filter(is_first).collect();
+        nodes.sort_by(|a, b| means[*b].total_cmp(&means[*a]).then(a.cmp(b)));
+        nodes.truncate(PRESELECTED);
+        let direction = |node| Direction { unit: grid.direction(node), nodes: vec![(node, 1.0)] };
+        nodes.into_iter().map(direction).collect()
+    }
+
+    /// Directions of a whole turn through nadir and zenith in the plane C, which is interpolated
+    /// between its neighbors: from the nadir on the side of C to the zenith, and back on the other
+    /// side.
+    fn profile(&self, c: f64) -> Vec<Direction> {
+        let (last, grid) = (self.rows() - 1, self.grid());
+        let at = |row: usize, c: f64| {
+            let turn = (c / 360.0).rem_euclid(1.0) * self.planes as f64;
+            let (column, part) = (turn.floor() as usize, turn.fract());
+            let node = |column: usize| row * self.planes + column % self.planes;
+            let nodes = vec![(node(column), 1.0 - part), (node(column + 1), part)];
+            Direction { unit: grid.in_plane(row, c.to_radians()), nodes }
+        };
+        let near = (0..=last).map(|row| at(row, c));
+        near.chain((1..last).rev().map(|row| at(row, c + 180.0))).collect()
+    }
+
+    fn grid(&self) -> Nodes {
+        Nodes::new(self.rows(), self.planes)
+    }
+
+    /// Sums over the nodes of each group, for each list of nodes and factors.
+    fn tables<'a>(&self, sums: impl Iterator<Item = &'a [(usize, f64)]> + Clone) -> Tables {
+        let sum = |group: &Group, nodes: &[(usize, f64)]| -> f64 {
+            nodes.iter().map(|(node, factor)| factor * group.values[*node]).sum()
+        };
+        let of_group =
+            |group: &Group| (group.weight, sums.clone().map(|nodes| sum(group, nodes)).collect());
+        self.groups.iter().map(of_group).collect()
+    }
+
+    /// Reads the brightest of these directions: by the widest fit that is as good as the narrower
+    /// ones, or at the nodes if none is good.
+    fn readings(&self, directions: &[Direction]) -> Readings {
+        let nodes = || directions.iter().map(|direction| &direction.nodes[..]);
+        let at_nodes =
+            Readings { directions: (0..directions.len()).collect(), tables: self.tables(nodes()) };
+        let grid = self.grid();
+        let candidates = self.candidates(&grid, directions);
+        let mut accepted: Vec<(Readings, Estimate)> = Vec::new();
+        for radius in RADII.map(|steps| steps * grid.step()) {
+            if radius > WIDEST || self.groups.len() < 2 {
+                break;
+            }
+            let fit = |candidate: &usize| grid.fit(directions[*candidate].unit, radius);
+            let fits: Option<Vec<Functional>> = candidates.iter().map(fit).collect();
+            let Some(fits) = fits else { continue };
+            let tables = self.tables(fits.iter().map(|fit| &fit[..]));
+            let readings = Readings { directions: candidates.clone(), tables };
+            let Some(peak) = readings.peak() else { break };
+            let slack = MISFIT * peak.value;
+            let agrees = |(_, other): &(Readings, Estimate)| {
+                (other.value - peak.value).abs() <= AGREEMENT * other.error + slack
+            };
+            let best = readings.directions[index_of_greatest(&means(&readings.tables))];
+            let is_good = match accepted.is_empty() {
+                true => self.fits_nodes(&grid, directions[best].unit, radius, slack),
+                false => accepted.iter().all(agrees),
+            };
+            if !is_good {
+                break;
+            }
+            accepted.push((readings, peak));
+        }
+        accepted.pop().map_or(at_nodes, |(readings, _)| readings)
+    }
+
+    /// Indices of the directions that are brightest, by means of the nodes within three steps that
+    /// fall to 0 at their edge.
+    fn candidates(&self, grid: &Nodes, directions: &[Direction]) -> Vec<usize> {
+        let means = self.node_means();
+        let radius = 3.0 * grid.step();
+        let smoothed = |direction: &Direction| -> f64 {
+            let (mut sum, mut weights) = (0.0, 0.0);
+            for node in grid.within(direction.unit, radius) {
+                let off = grid.direction(node).dot(direction.unit).clamp(-1.0, 1.0).acos() / radius;
+                let weight = grid.solid_angle(node) * (1.0 - off * off).max(0.0).powi(2);
+                sum += weight * means[node];
+                weights += weight;
+            }
+            match weights > 0.0 {
+                true => sum / weights,
+                false => direction.nodes.iter().map(|(node, share)| share * means[*node]).sum(),
+            }
+        };
+        let values: Vec<f64> = directions.iter().map(smoothed).collect();
+        let mut order: Vec<usize> = (0..directions.len()).collect();
+        order.sort_by(|a, b| values[*b].total_cmp(&values[*a]).then(a.cmp(b)));
+        order.truncate(CANDIDATES);
+        order
+    }
+
+    /// Mean intensity of each node over the groups, cd.
+    fn node_means(&self) -> Vec<f64> {
+        let total: f64 = self.groups.iter().map(|group| group.weight).sum();
+        let mut means = vec![0.0; self.groups[0].values.len()];
+        for Group { weight, values } in &self.groups {
+            means.iter_mut().zip(values).for_each(|(mean, value)| *mean += weight / total * value);
+        }
+        means
+    }
+
+    /// Tests whether the fit of a radius around a direction describes the nodes within it: whether
+    /// they are off it by no more than their noise and `slack`, cd.
+    fn fits_nodes(&self, grid: &Nodes, center: DVec3, radius: f64, slack: f64) -> bool {
+        let near = grid.within(center, radius);
+        let single: Vec<Functional> = near.iter().map(|node| vec![(*node, 1.0)]).collect();
+        let measured = self.tables(single.iter().map(|node| &node[..]));
+        let fits: Option<Vec<Functional>> =
+            near.iter().map(|node| grid.fitted(center, radius, *node)).collect();
+        let Some(fits) = fits else { return false };
+        let fitted = means(&self.tables(fits.iter().map(|fit| &fit[..])));
+        let values = means(&measured);
+        let errors = standard_errors(&measured, &values);
+        let solid: Vec<f64> = near.iter().map(|node| grid.solid_angle(*node)).collect();
+        let count = near.len() as f64;
+        // Each node's own error is known to a quarter only: they are pooled by solid angle.
+        let pooled = |(error, solid): (&f64, &f64)| error * error * solid / count;
+        let noise: f64 = errors.iter().zip(&solid).map(pooled).sum();
+        let squares = (0..near.len()).map(|at| {
+            let variance = noise / solid[at] + slack * slack;
+            (values[at] - fitted[at]).powi(2) / variance
+        });
+        // Four standard deviations of the sum of as many squares
+        squares.sum::<f64>() <= count + 4.0 * (2.0 * count).sqrt()
     }
 
     fn rows(&self) -> usize {
         self.groups[0].values.len() / self.planes
     }
+}
 
-    /// Intensities over a whole turn through nadir and zenith in the plane C, which is interpolated
-    /// between its neighbors: from the nadir on the side of C to the zenith, and back on the other
-    /// side.
-    fn profile(&self, group: &Group, c: f64) -> Vec<f64> {
-        let last = self.rows() - 1;
-        let at = |row: usize, c: f64| {
-            let turn = (c / 360.0).rem_euclid(1.0) * self.planes as f64;
-            let (column, part) = (turn.floor() as usize, turn.fract());
-            let node = |column: usize| group.values[row * self.planes + column % self.planes];
-            node(column) + part * (node(column + 1) - node(column))
-        };
-        let near = (0..=last).map(|row| at(row, c));
-        near.chain((1..last).rev().map(|row| at(row, c + 180.0))).collect()
+/// A direction, and the nodes between which it lies, with their shares.
+#[derive(Clone, Debug)]
+struct Direction {
+    unit: DVec3,
+    nodes: Functional,
+}
+
+/// Intensities of some directions in each group.
+#[derive(Clone, Debug)]
+struct Readings {
+    /// Indices of the directions.
+    directions: Vec<usize>,
+    tables: Tables,
+}
+
+impl Readings {
+    /// The greatest intensity.
+    fn peak(&self) -> Option<Estimate> {
+        jackknife(self.tables.len(), |left_out| Some(greatest(&without(&self.tables, left_out))))
     }
+}
+
+/// Tables without those of one group.
+fn without(tables: &Tables, left_out: Option<usize>) -> Tables {
+    let kept = |(index, _): &(usize, &(f64, Vec<f64>))| Some(*index) != left_out;
+    tables.iter().enumerate().filter(kept).map(|(_, table)| table.clone()).collect()
 }
 
 /// The estimate of all groups, with the standard error of the jackknife that leaves out each group
 /// in turn. `None` if there is none of all groups; the error is NaN if a group less has none.
-fn jackknife(tables: &Tables, estimate: impl Fn(&Tables) -> Option<f64>) -> Option<Estimate> {
-    let value = estimate(tables)?;
-    let count = tables.len();
-    let without = |left_out: usize| {
-        let mut rest = tables.clone();
-        rest.remove(left_out);
-        if rest.is_empty() { None } else { estimate(&rest) }
-    };
+fn jackknife(count: usize, estimate: impl Fn(Option<usize>) -> Option<f64>) -> Option<Estimate> {
+    let value = estimate(None)?;
+    let without = |left_out| if count > 1 { estimate(Some(left_out)) } else { None };
     let others: Option<Vec<f64>> = (0..count).map(without).collect();
     let error = others.map_or(f64::NAN, |others| {
         let mean = others.iter().sum::<f64>() / count as f64;
@@ -140,9 +328,8 @@ fn greatest(tables: &Tables) -> f64 {
     tables.iter().map(of_group).sum::<f64>() / total
 }
 
-/// Steps between the directions of a closed profile in which it falls below a share of its maximum.
-fn width(tables: &Tables, share: f64) -> Option<f64> {
-    let limit = share * greatest(tables);
+/// Steps between the directions of a closed profile in which it falls below a limit.
+fn width(tables: &Tables, limit: f64) -> Option<f64> {
     if limit <= 0.0 {
         return None;
     }
@@ -206,98 +393,4 @@ fn fall(values: &[f64], limit: f64) -> Option<f64> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use bdpm_core::base::rng::{Rng, Stream, StreamKey};
-
-    const ROWS: usize = 37;
-    const PLANES: usize = 24;
-
-    fn normal(rng: &mut Rng) -> f64 {
-        (0..12).map(|_| f64::from(rng.next_1d())).sum::<f64>() - 6.0
-    }
-
-    /// Groups of a distribution over gamma, in degrees, with the noise of nodes of their solid
-    /// angles: `noise` of the greatest intensity at a node of a whole step.
-    fn groups(rng: &mut Rng, noise: f64, of: impl Fn(f64) -> f64) -> GroupedIntensities {
-        let group = |rng: &mut Rng| {
-            let mut values = Vec::new();
-            for row in 0..ROWS {
-                let gamma = 180.0 * row as f64 / (ROWS - 1) as f64;
-                let is_pole = row == 0 || row == ROWS - 1;
-                let mut pole = None;
-                for _ in 0..PLANES {
-                    let solid = if is_pole { 0.3 } else { gamma.to_radians().sin() };
-                    let spread = noise * (of(gamma) / solid).sqrt();
-                    let own = of(gamma) + spread * normal(rng);
-                    // All nodes of a pole are one direction.
-                    values.push(if is_pole { *pole.get_or_insert(own) } else { own });
-                }
-            }
-            Group { weight: 3.0, values }
-        };
-        let groups = (0..8).map(|_| group(rng)).collect();
-        GroupedIntensities::new(PLANES, groups)
-    }
-
-    fn lambertian(gamma: f64) -> f64 {
-        gamma.to_radians().cos().max(0.0)
-    }
-
-    #[test]
-    fn noise_free_angles_are_those_of_powers_of_the_cosine() {
-        let mut rng = StreamKey::new(1, Stream::Test, 0).rng(0);
-        for (power, tolerance) in [(1.0, 0.15), (4.0, 0.5)] {
-            let own = groups(&mut rng, 0.0, |gamma| lambertian(gamma).powf(power));
-            assert_eq!(own.peak().value, 1.0);
-            for share in [0.5f64, 0.1] {
-                let expected = 2.0 * share.powf(1.0 / power).acos().to_degrees();
-                let found = own.opening_angle(45.0, share).unwrap();
-                assert!((found.value - expected).abs() < tolerance, "{found:?} {expected}");
-                assert!(found.error < 1e-9);
-            }
-        }
-        assert_eq!(groups(&mut rng, 0.0, |_| 1.0).opening_angle(0.0, 0.5), None);
-        assert_eq!(groups(&mut rng, 0.0, |_| 0.0).opening_angle(0.0, 0.5), None);
-        // Upward, around the zenith
-        let up = groups(&mut rng, 0.0, |gamma| lambertian(180.0 - gamma));
-        assert!((up.opening_angle(0.0, 0.5).unwrap().value - 120.0).abs() < 0.15);
-    }
-
-    #[test]
-    fn noisy_lambertian_reads_its_peak_and_120_degrees_within_standard_errors() {
-        let mut rng = StreamKey::new(2, Stream::Test, 0).rng(0);
-        let runs = 200;
-        let (mut angles, mut peaks, mut within) = (Vec::new(), Vec::new(), [0; 2]);
-        for _ in 0..runs {
-            // 1 % of noise at the equator, 5 % at the nodes of 5 degrees
-            let own = groups(&mut rng, 0.03, lambertian);
-            let (peak, angle) = (own.peak(), own.opening_angle(0.0, 0.5).unwrap());
-            within[0] += u32::from((peak.value - 1.0).abs() < 2.5 * peak.error);
-            within[1] += u32::from((angle.value - 120.0).abs() < 2.5 * angle.error);
-            angles.push(angle.value);
-            peaks.push(peak.value);
-        }
-        let mean = |values: &[f64]| values.iter().sum::<f64>() / f64::from(runs);
-        let spread = |values: &[f64]| {
-            let mean = mean(values);
-            let squares = values.iter().map(|own| (own - mean).powi(2)).sum::<f64>();
-            (squares / f64::from(runs - 1)).sqrt()
-        };
-        // The plain maximum is over two standard deviations too high.
-        assert!((mean(&peaks) - 1.0).abs() < spread(&peaks), "{} {}", mean(&peaks), spread(&peaks));
-        let off = mean(&angles) - 120.0;
-        assert!(off.abs() < 0.5 * spread(&angles) + 0.1, "{off} {}", spread(&angles));
-        // 2.5 standard errors of eight groups hold for 96 %.
-        assert!(within.iter().all(|count| *count >= 180), "{within:?}");
-    }
-
-    #[test]
-    fn falls_are_those_of_the_fit_that_does_not_rise() {
-        assert_eq!(fall(&[4.0, 3.0, 1.0], 2.0), Some(1.5));
-        // The second and third value have the mean 3.
-        assert_eq!(fall(&[4.0, 2.0, 4.0, 1.0], 2.0), Some(2.25));
-        assert_eq!(fall(&[1.0, 0.0], 2.0), None);
-        assert_eq!(fall(&[3.0, 2.5], 2.0), None);
-    }
-}
+mod tests;

@@ -12,5 +12,6 @@ pub mod memory;
 pub mod iteration_set;
 pub mod photometry;
 pub mod pool;
+pub mod quantiles;
 pub mod rng;
 pub mod spectrum;

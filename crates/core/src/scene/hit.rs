@@ -3,6 +3,7 @@
 use super::coated_hits::coated_base;
 use super::diffuse::{DiffuseVertices, TriangleSide};
 use super::normal_map::Tangent;
+use super::shading::with_lost_light;
 use super::transform::Transform;
 use super::triangle::{interpolate, to_front};
 use super::{Corners, Material, Placement, Scene, Surface, Triangle};
@@ -204,7 +205,8 @@ impl Scene {
             .then(|| interpolate(*normals, at).normalize_or(triangle.normal));
         let color = self.color(hit);
         if !material.varies() && color.is_none() {
-            return Surface { interpolated: interpolated.map(|n| flat.to_side(n)), ..flat };
+            let bsdf = with_lost_light(material.bsdf, normals, triangle.normal, interpolated);
+            return Surface { interpolated: interpolated.map(|n| flat.to_side(n)), bsdf, ..flat };
         }
         let uv = interpolate(*uvs, at);
         let is_anisotropic = material.bsdf.is_anisotropic();
@@ -213,8 +215,10 @@ impl Scene {
         let bent = material.normal_map.as_ref().and_then(|map| {
             map.bend(uv, triangle.normal, interpolated.unwrap_or(triangle.normal), tangent?)
         });
-        let interpolated = bent.or(interpolated).map(|normal| flat.to_side(normal));
         let bsdf = material.bsdf_at(uv, color).unwrap_or(material.bsdf);
+        let smooth = interpolated.filter(|_| bent.is_none());
+        let bsdf = with_lost_light(bsdf, normals, triangle.normal, smooth);
+        let interpolated = bent.or(interpolated).map(|normal| flat.to_side(normal));
         let tangent = tangent.filter(|_| is_anisotropic).map(|tangent| tangent.along_u);
         Surface { interpolated, bsdf, uv: Some(uv), tangent, ..flat }
     }
@@ -257,7 +261,7 @@ impl Scene {
 
 impl Corners {
     /// The corners in another space, where the triangle has this normal.
-    fn moved(&self, transform: &Transform, normal: Vec3) -> Self {
+    pub(super) fn moved(&self, transform: &Transform, normal: Vec3) -> Self {
         let normals = self.normals.map(|own| to_front(transform.normal(own), normal));
         Self::new(transform.ordered(normals), transform.ordered(self.uvs))
     }

@@ -10,6 +10,37 @@ use std::f32::consts::PI;
 /// Minimum cosine between a shading normal and the direction that it is seen from.
 pub(super) const GRAZING: f32 = 1e-3;
 
+/// Minimum cosine between the normals at the corners of a triangle and its own, 15 degrees, for
+/// which they stand for a smooth surface. Wider angles are the edges of coarse meshes: there images
+/// remain those of other renderers.
+const SMOOTH_COSINE: f32 = 0.966;
+
+/// The BSDF where the normal `interpolated` between those of a triangle's corners shades a smooth
+/// surface. Paths lose the directions between both horizons. A Lambertian surface gets the factor
+/// that restores this light: it then reflects its albedo of uniform light, by camera paths and by
+/// light paths. theory.md (33a)
+#[inline]
+pub(super) fn with_lost_light(
+    bsdf: Bsdf,
+    corners: &[Vec3; 3],
+    triangle: Vec3,
+    interpolated: Option<Vec3>,
+) -> Bsdf {
+    match (bsdf, interpolated) {
+        (Bsdf::Lambertian { albedo, two_sided }, Some(normal)) if is_smooth(corners, triangle) => {
+            let albedo = albedo * (2.0 / (1.0 + normal.dot(triangle)));
+            Bsdf::Lambertian { albedo, two_sided }
+        }
+        _ => bsdf,
+    }
+}
+
+/// Returns true if the normals of a triangle's corners stand for a smooth surface.
+#[inline]
+pub(super) fn is_smooth(corners: &[Vec3; 3], triangle: Vec3) -> bool {
+    corners.iter().all(|corner| corner.dot(triangle) >= SMOOTH_COSINE)
+}
+
 /// The normal by which a surface scatters, seen from `wo`, given its interpolated normal and the
 /// triangle's.
 #[inline(never)] // keeps the common case short
@@ -95,3 +126,6 @@ impl Surface<'_> {
         BsdfSample { wi, weight, lobe: Lobe::Diffuse }
     }
 }
+
+#[cfg(test)]
+mod tests;

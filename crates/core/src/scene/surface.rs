@@ -29,7 +29,7 @@ pub struct Surface<'a> {
     pub front: bool,
     /// Material of the surface.
     pub material: &'a Material,
-    /// BSDF at this point.
+    /// BSDF at this point, with the light that a smooth normal would lose: theory.md (33a).
     pub bsdf: Bsdf,
     /// Texture coordinates, if the material varies.
     pub uv: Option<Vec2>,

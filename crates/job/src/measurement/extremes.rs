@@ -5,13 +5,11 @@
 //! hold for all meters at once.
 
 use super::reading::Reading;
+use bdpm_core::base::quantiles::NORMAL_95;
 use serde::Serialize;
 
 /// Half of the probability that an interval does not hold.
 const TAIL: f64 = 0.025;
-
-/// Quantile of the normal distribution that [`Reading::expanded`] has at least.
-const NORMAL_95: f64 = 1.959_964;
 
 /// An estimate and half of the width of its interval with a probability of at least 95 %.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

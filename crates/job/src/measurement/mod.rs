@@ -18,9 +18,10 @@ mod room_glare;
 mod warnings;
 
 pub use extremes::Estimated;
-pub use reading::{Reading, quantity, student_95, unit};
+pub use reading::{Reading, quantity, unit};
 pub use results::{Measurement, MeterPlace, SetReadings};
 pub use room_glare::{LuminaireGlare, RoomGlare};
+pub use warnings::lost_light;
 
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::scene::backend::{self, Backend};
@@ -180,7 +181,7 @@ impl MeasureJob {
             reached: true,
             time: Duration::ZERO,
             techniques: Vec::new(),
-            warnings: Vec::new(),
+            warnings: lost_light(&self.loaded.scene).into_iter().collect(),
         };
         for (number, (name, scene)) in (0..).zip(&groups) {
             for (kind_number, kind) in (0..).zip(&kinds) {

@@ -1,11 +1,9 @@
 //! The reading of a meter with its uncertainty.
 
 use bdpm_core::base::photometry::LUMENS_PER_WATT;
+use bdpm_core::base::quantiles::student_95;
 use bdpm_core::scene::MeterKind;
 use serde::Serialize;
-
-/// Quantile of the normal distribution of a two-sided probability of 95 %.
-const NORMAL_95: f64 = 1.959_964;
 
 /// Factor of the light that was hardly seen in the interval. Intervals of light that ten samples in
 /// all carry then hold with 95 to 97 %.
@@ -130,32 +128,9 @@ pub fn quantity(kind: MeterKind) -> &'static str {
     }
 }
 
-/// Quantile of Student's distribution of a two-sided probability of 95 %, by its expansion in the
-/// reciprocal of the degrees of freedom (Abramowitz and Stegun 1964, 26.7.5). It is within 1 % from
-/// 4 degrees on.
-pub fn student_95(degrees: f64) -> f64 {
-    if degrees < 1.0 {
-        return f64::INFINITY;
-    }
-    let z = NORMAL_95;
-    let first = (z.powi(3) + z) / 4.0;
-    let second = (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / 96.0;
-    let third = (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / 384.0;
-    z + first / degrees + second / degrees.powi(2) + third / degrees.powi(3)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn quantiles_are_those_of_tables() {
-        for (degrees, expected) in [(4.0, 2.776), (10.0, 2.228), (30.0, 2.042), (1e9, 1.960)] {
-            let quantile = student_95(degrees);
-            assert!((quantile / expected - 1.0).abs() < 0.01, "{degrees}: {quantile}");
-        }
-        assert_eq!(student_95(0.0), f64::INFINITY);
-    }
 
     #[test]
     fn readings_without_a_contribution_are_unknown() {

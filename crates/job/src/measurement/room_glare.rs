@@ -8,12 +8,13 @@
 //! measures.
 
 use super::extremes::Estimated;
-use super::reading::{Reading, student_95};
+use super::reading::Reading;
 use super::{MeasureJob, Measurement};
 use bdpm_core::accel::{Coherence, Hit, Intersect, Ray};
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::luminance;
 use bdpm_core::base::photometry::LUMENS_PER_WATT;
+use bdpm_core::base::quantiles::student_95;
 use bdpm_core::base::rng::{Rng, Stream, StreamKey};
 use bdpm_core::scene::backend;
 use bdpm_core::scene::{Emitter, Meter, MeterKind, MeterSet, Scene};

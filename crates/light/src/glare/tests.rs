@@ -1,6 +1,7 @@
 //! Ratings against closed forms and `evalglare`.
 
 use super::*;
+use bdpm_core::base::quantiles::NORMAL_95;
 use bdpm_core::base::rng::{Stream, StreamKey};
 
 /// An image of the whole half-space in front of the eye with this luminance, cd/m^2.
@@ -113,38 +114,71 @@ fn ratings_are_those_of_evalglare() {
     }
 }
 
-/// UGR of a square panel whose edges cross pixels, by their mean luminances: that of the panel
-/// within .1.
-#[test]
-fn pixels_that_a_panel_covers_in_part_do_not_change_its_rating() {
-    let side = 400;
-    // A panel of 4000 cd/m^2 and 0.1 by 0.1 at a distance of about 1, before 40 cd/m^2.
-    let (center, half) = (DVec3::new(0.05, 0.35, 1.0), 0.05);
+/// Pixels of the images of panels along each axis, and samples of a pixel along each axis.
+const PANEL_SIDE: usize = 400;
+const FINE: usize = 4;
+
+/// A square panel in the plane z = 1, `half` as wide around a center, as an image has it: the mean
+/// luminance of each pixel, cd/m^2. The rest has another luminance. `samples` has all samples of
+/// all pixels.
+fn panel_image(
+    samples: &LuminanceImage,
+    center: DVec3,
+    half: f64,
+    [panel, rest]: [f64; 2],
+) -> LuminanceImage {
     let luminance = |w: DVec3| {
         let at = w / w.z - center;
-        if w.z > 0.0 && at.x.abs() < half && at.y.abs() < half { 4000.0 } else { 40.0 }
+        if w.z > 0.0 && at.x.abs() < half && at.y.abs() < half { panel } else { rest }
     };
-    let fine = 8 * side;
+    let mut pixels = vec![Rgb::ZERO; PANEL_SIDE * PANEL_SIDE];
+    for (at, index) in samples.index.iter().enumerate().filter(|(_, index)| **index != OUTSIDE) {
+        let (x, y) = (at % samples.width / FINE, at / samples.width / FINE);
+        let value = luminance(samples.pixels[*index as usize].0) / (FINE * FINE) as f64;
+        pixels[y * PANEL_SIDE + x] += Rgb::splat((value / f64::from(LUMENS_PER_WATT)) as f32);
+    }
+    let size = (PANEL_SIDE as u32, PANEL_SIDE as u32);
+    LuminanceImage::new(size, &pixels, FisheyeProjection::Equidistant, PI)
+}
+
+/// The background before which a panel is rated 21.0, and its rating in an image, for panels of
+/// different sizes whose edges cross pixels at different places.
+#[test]
+fn pixels_that_a_panel_covers_in_part_do_not_change_its_rating_of_21() {
+    let rated = 21.0;
+    let fine = FINE * PANEL_SIDE;
     let black = vec![Rgb::ZERO; fine * fine];
     let size = (fine as u32, fine as u32);
-    let projection = FisheyeProjection::Equidistant;
-    let exact = LuminanceImage::new(size, &black, projection, PI);
-    let mut pixels = vec![Rgb::ZERO; side * side];
-    for (at, index) in exact.index.iter().enumerate().filter(|(_, index)| **index != OUTSIDE) {
-        let (x, y) = (at % fine / 8, at / fine / 8);
-        let value = luminance(exact.pixels[*index as usize].0) / 64.0;
-        pixels[y * side + x] += Rgb::splat((value / f64::from(LUMENS_PER_WATT)) as f32);
+    let samples = LuminanceImage::new(size, &black, FisheyeProjection::Equidistant, PI);
+    for (x, y, half, luminance) in [
+        (0.05, 0.35, 0.05, 4000.0),
+        (0.053, 0.352, 0.05, 4000.0),
+        (0.0, 0.4, 0.15, 3000.0),
+        (-0.3, 0.6, 0.1, 8000.0),
+        (0.207, 0.203, 0.025, 12_000.0),
+    ] {
+        // Integrals over the panel of the solid angle, of that times the cosine, and of directions
+        let (mut solid, mut projected, mut directions) = (0.0, 0.0, DVec3::ZERO);
+        let cells = 100;
+        for cell in 0..cells * cells {
+            let across = |at: i32| half * (2.0 * (f64::from(at) + 0.5) / f64::from(cells) - 1.0);
+            let at = DVec3::new(x + across(cell % cells), y + across(cell / cells), 1.0);
+            let length = at.length();
+            let own = (2.0 * half / f64::from(cells)).powi(2) / length.powi(3);
+            solid += own;
+            projected += own / length;
+            directions += own * at / length;
+        }
+        let strength = luminance / position_index(directions.normalize());
+        let background = 0.25 * strength * strength * solid / 10f64.powf(rated / 8.0);
+        // The rest of the image gives the illuminance of the background.
+        let rest = background * PI / (PI - projected);
+        let image = panel_image(&samples, DVec3::new(x, y, 1.0), half, [luminance, rest]);
+        let found = Glare::new(&image, &SourceSearch::default());
+        let ugr = found.ugr.unwrap();
+        println!("panel of {solid:.5} sr before {background:.1} cd/m2: UGR {ugr:.3}");
+        assert!((ugr - rated).abs() < 0.1, "{x} {y} {half}: {ugr}, not {rated}");
     }
-    let image = LuminanceImage::new((side as u32, side as u32), &pixels, projection, PI);
-    let search = SourceSearch { threshold: 2500.0, ..SourceSearch::default() };
-    let glare = Glare::new(&image, &search);
-    let (distance, cos) = (center.length(), 1.0 / center.length());
-    let solid = 4.0 * half * half * cos / (distance * distance);
-    let index = position_index(center / distance);
-    let background = 40.0 * (PI - solid * cos) / PI;
-    let expected = 8.0 * (0.25 / background * 16e6 * solid / (index * index)).log10();
-    let found = glare.ugr.unwrap();
-    assert!((found - expected).abs() < 0.1, "{found}, not {expected}");
 }
 
 #[test]
@@ -195,7 +229,7 @@ fn uncertainties_are_those_of_many_noisy_images() {
             *value = expected * (1.0 + relative * normal());
             variances.push((relative * expected).powi(2));
         }
-        image.variances = Some(variances);
+        image.noise = Noise::Independent(variances);
         Glare::new(&image, &SourceSearch::default())
     };
     let all: Vec<Glare> = (0..200).map(|_| noisy()).collect();
@@ -212,4 +246,54 @@ fn uncertainties_are_those_of_many_noisy_images() {
     check(all.iter().map(|own| own.dgp).collect(), first.dgp);
     check(all.iter().map(|own| own.ugr.unwrap()).collect(), first.ugr.unwrap());
     assert!(Glare::new(&own, &SourceSearch::default()).expanded.is_none());
+}
+
+/// Intervals of the mean of images whose pixels share photons hold the rating without noise as
+/// often as they state. An image alone has no interval.
+#[test]
+fn spread_of_repeated_images_gives_intervals_that_hold() {
+    let source = DVec3::new(0.3, 0.2, 0.9).normalize();
+    let clean = |w: &DVec3| if w.dot(source) > 0.97 { 9000.0 } else { 300.0 };
+    let side = 60;
+    let black = vec![Rgb::ZERO; (side * side) as usize];
+    let empty = LuminanceImage::new((side, side), &black, FisheyeProjection::Equidistant, PI);
+    let mut rng = StreamKey::new(4, Stream::Test, 0).rng(0);
+    let mut normal = || (0..12).map(|_| f64::from(rng.next_1d())).sum::<f64>() - 6.0;
+    let with_luminances = |values: Vec<f64>| {
+        let mut image = empty.clone();
+        image.pixels.iter_mut().zip(values).for_each(|((_, _, own), value)| *own = value);
+        image
+    };
+    let rate = |images: Vec<Vec<f64>>| {
+        let images: Vec<LuminanceImage> = images.into_iter().map(with_luminances).collect();
+        Glare::new(&LuminanceImage::mean_of(&images), &SourceSearch::default())
+    };
+    let exact: Vec<f64> = empty.pixels.iter().map(|(w, ..)| clean(w)).collect();
+    let truth = rate(vec![exact.clone()]);
+    assert!(truth.expanded.is_none());
+    let (runs, images) = (300, 4);
+    let mut held = [0; 3];
+    for _ in 0..runs {
+        let mut image = |_| {
+            // Photons that all pixels of a half of the image share, and noise of each pixel
+            let shared = [0.05 * normal(), 0.05 * normal()];
+            let noisy = |(number, value): (usize, &f64)| {
+                value * (1.0 + shared[number * 2 / exact.len()] + 0.1 * normal())
+            };
+            exact.iter().enumerate().map(noisy).collect()
+        };
+        let own = rate((0..images).map(&mut image).collect());
+        let expanded = own.expanded.unwrap();
+        let pairs = [
+            (own.vertical_illuminance - truth.vertical_illuminance, expanded.vertical_illuminance),
+            (own.dgp - truth.dgp, expanded.dgp),
+            (own.ugr.unwrap() - truth.ugr.unwrap(), expanded.ugr.unwrap()),
+        ];
+        held.iter_mut()
+            .zip(pairs)
+            .for_each(|(held, (off, own))| *held += u32::from(off.abs() <= own));
+    }
+    // 95 % of 300 runs have a standard deviation of 1.3 %.
+    let shares = held.map(|held| f64::from(held) / f64::from(runs));
+    assert!(shares.iter().all(|share| (share - 0.95).abs() < 0.05), "{shares:?}");
 }

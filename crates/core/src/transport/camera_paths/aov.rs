@@ -87,7 +87,9 @@ impl CameraPaths {
             aov.set_first_hit(pass, state.history, surface.position);
             if surface.bsdf.spread().is_some() {
                 let tint = state.weight * state.inverse_start;
-                aov.set_surface(tint * surface.bsdf.color(surface.front), normal);
+                // Smooth normals may raise an albedo above 1: theory.md (33a).
+                let color = surface.bsdf.color(surface.front).min(Rgb::ONE);
+                aov.set_surface(tint * color, normal);
             }
         }
     }
