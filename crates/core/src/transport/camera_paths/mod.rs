@@ -3,6 +3,7 @@
 
 mod aov;
 mod equiangular;
+mod gather;
 mod medium;
 mod meter;
 mod mis;
