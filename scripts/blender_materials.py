@@ -65,7 +65,7 @@ GREEN = (0.6, 0.9, 0.7, 1)
 single("glass shader tinted", "ShaderNodeBsdfGlass", 0.03, reported=True, Color=GREEN, Roughness=0.0, IOR=1.45)
 single("refraction", "ShaderNodeBsdfRefraction", 0.05, reported=True, Color=(1, 1, 1, 1), Roughness=0.0, IOR=1.45)
 single("transparent", "ShaderNodeBsdfTransparent", Color=(0.6, 0.8, 0.9, 1))
-single("translucent", "ShaderNodeBsdfTranslucent", 0.2, reported=True, Color=(0.8, 0.8, 0.8, 1))
+single("translucent", "ShaderNodeBsdfTranslucent", Color=(0.8, 0.8, 0.8, 1))
 
 
 def volume(name, surface_kind, tolerance, *nodes, **inputs):
@@ -127,6 +127,7 @@ def mixed(name, first, second, tolerance=None, reported=False, kind="ShaderNodeM
 
 RED = ("ShaderNodeBsdfDiffuse", {"Color": (0.8, 0.2, 0.1, 1)})
 mixed("mix diffuse", RED, ("ShaderNodeBsdfDiffuse", {"Color": (0.1, 0.3, 0.9, 1)}))
+mixed("mix translucent", RED, ("ShaderNodeBsdfTranslucent", {"Color": (0.1, 0.6, 0.2, 1)}), share=0.6)
 mixed("mix transparent", RED, ("ShaderNodeBsdfTransparent", {}))
 mixed("mix emission", RED, ("ShaderNodeEmission", {"Strength": 2.0}))
 mixed("mix glossy", RED, ("ShaderNodeBsdfGlossy", {"Roughness": 0.3}), 0.03, True)

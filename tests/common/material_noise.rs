@@ -5,7 +5,8 @@ use crate::common::*;
 use bdpm::noise::Measure;
 use bdpm::render::RenderConfig;
 use bdpm::scene::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
+    Bsdf, Coated, Conductor, Dielectric, DiffuseTransmission, Glossy, Reflectance, RoughDielectric,
+    ThinDielectric,
 };
 use bdpm::scene::{Material, Scene};
 use bdpm::{Renderer, Settings};
@@ -22,6 +23,13 @@ pub fn materials() -> Vec<(&'static str, Bsdf)> {
         ("narrow gold", Bsdf::Conductor(rough_gold(0.15))),
         ("wide gold", Bsdf::Conductor(rough_gold(0.5))),
         ("rough glass", Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.2))),
+        (
+            "sheet",
+            Bsdf::DiffuseTransmission(DiffuseTransmission::new(
+                Vec3::new(0.3, 0.2, 0.1),
+                Vec3::new(0.4, 0.5, 0.6),
+            )),
+        ),
         ("coat", Bsdf::Coated(Coated::new(Vec3::new(0.7, 0.3, 0.2), 1.5))),
         ("gloss", Bsdf::Glossy(Glossy::new(Vec3::new(0.7, 0.3, 0.2), 0.3, 1.5, 0.15))),
     ]

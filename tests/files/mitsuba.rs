@@ -2,7 +2,7 @@
 
 use bdpm::import::WarningKind;
 use bdpm::load::{Loaded, export, load};
-use bdpm::scene::bsdf::{Bsdf, FacetModel, Principled, PrincipledParameters};
+use bdpm::scene::bsdf::{Bsdf, DiffuseTransmission, FacetModel, Principled, PrincipledParameters};
 use bdpm::scene::{Emitter, RefractiveIndex};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
@@ -214,6 +214,18 @@ fn mitsuba_materials_are_converted() {
              <rgb name='reflectance' value='0, 0.4, 0'/></bsdf></bsdf>"
         ),
         Bsdf::Lambertian { albedo: Vec3::new(0.6, 0.1, 0.0), two_sided: false }
+    );
+    let sheet = |reflectance, transmittance| {
+        Bsdf::DiffuseTransmission(DiffuseTransmission::new(reflectance, transmittance))
+    };
+    assert_eq!(look("<bsdf type='difftrans'/>"), sheet(Vec3::ZERO, Vec3::splat(0.5)));
+    assert_eq!(
+        look(
+            "<bsdf type='blendbsdf'><float name='weight' value='0.25'/><bsdf type='diffuse'>\
+             <rgb name='reflectance' value='0.8, 0, 0'/></bsdf><bsdf type='difftrans'>\
+             <rgb name='transmittance' value='0, 0.4, 0'/></bsdf></bsdf>"
+        ),
+        sheet(Vec3::new(0.6, 0.0, 0.0), Vec3::new(0.0, 0.1, 0.0))
     );
     let default = PrincipledParameters { two_sided: false, ..PrincipledParameters::default() };
     assert_eq!(look("<bsdf type='principled'/>"), Bsdf::Principled(Principled::new(default)));

@@ -5,6 +5,7 @@ mod bombs;
 mod camera_change;
 mod committed_scenes;
 mod convert;
+mod diffuse_transmission;
 mod extreme_numbers;
 mod far;
 mod fuzz_gltf;

@@ -2,8 +2,8 @@
 
 use bdpm::load::load;
 use bdpm::scene::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Plastic, Principled,
-    PrincipledParameters, Reflectance, RoughDielectric, ThinDielectric,
+    Bsdf, Coated, Conductor, Dielectric, DiffuseTransmission, FacetModel, Facets, Glossy, Plastic,
+    Principled, PrincipledParameters, Reflectance, RoughDielectric, ThinDielectric,
 };
 use bdpm::scene::{Emitter, RefractiveIndex, Scene};
 use bdpm::settings::{PartialSettings, Settings};
@@ -213,6 +213,10 @@ fn refractive_indices_are_numbers_media_or_tables() {
     assert!(read("ior = { d = 1.5, abbe = 1e300 }").dispersion.is_none());
 }
 
+fn sheet(reflectance: Vec3, transmittance: Vec3) -> Bsdf {
+    Bsdf::DiffuseTransmission(DiffuseTransmission::new(reflectance, transmittance))
+}
+
 #[test]
 fn every_type_of_material_is_parsed() {
     let gold = Reflectance::named("gold").unwrap();
@@ -277,6 +281,11 @@ fn every_type_of_material_is_parsed() {
             })),
         ),
         ("type = 'glossy'", Bsdf::Glossy(Glossy::new(Vec3::splat(0.5), 0.0, 1.5, 0.0))),
+        ("type = 'diffuse-transmission'", sheet(Vec3::splat(0.25), Vec3::splat(0.25))),
+        (
+            "type = 'diffuse-transmission'\nreflectance = 0.3\ntransmittance = [0.7, 0.5, 0]",
+            sheet(Vec3::splat(0.3), Vec3::new(0.7, 0.5, 0.0)),
+        ),
     ] {
         let (read, warnings) = bsdf("", &format!("[materials.m]\n{text}\n"), "m");
         assert_eq!((read, warnings), (expected, String::new()), "{text}");

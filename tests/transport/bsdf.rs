@@ -3,9 +3,9 @@
 use bdpm::base::math::{luminance, uniform_sphere};
 use bdpm::base::rng::{Rng, Stream, StreamKey};
 use bdpm::scene::bsdf::{
-    Bsdf, BsdfSample, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Lobe, LobeSet,
-    Plastic, Principled, PrincipledParameters, Reflectance, RoughDielectric, ThinDielectric,
-    Transport, Vertex,
+    Bsdf, BsdfSample, Coated, Conductor, Dielectric, DiffuseTransmission, FacetModel, Facets,
+    Glossy, Lobe, LobeSet, Plastic, Principled, PrincipledParameters, Reflectance, RoughDielectric,
+    ThinDielectric, Transport, Vertex,
 };
 use glam::Vec3;
 use std::f64::consts::{PI, TAU};
@@ -86,12 +86,20 @@ fn principled() -> Vec<Bsdf> {
     .to_vec()
 }
 
+/// A sheet that reflects and transmits diffusely.
+fn sheet() -> Bsdf {
+    let (reflectance, transmittance) = (Vec3::new(0.2, 0.5, 0.9), Vec3::new(0.7, 0.1, 0.1));
+    Bsdf::DiffuseTransmission(DiffuseTransmission::new(reflectance, transmittance))
+}
+
 /// All that have lobes of finite density.
 fn spread() -> Vec<Bsdf> {
     let albedo = Vec3::new(0.2, 0.5, 1.0);
     let mut all = vec![
         Bsdf::diffuse(albedo),
         Bsdf::Lambertian { albedo, two_sided: false },
+        sheet(),
+        Bsdf::DiffuseTransmission(DiffuseTransmission::new(Vec3::ZERO, albedo)),
         white_metal(0.2),
         white_metal(0.8),
         gold(0.4),
@@ -150,7 +158,8 @@ fn bsdf_values_are_reciprocal() {
                 Vertex { normal, wo, front, tangent: Some(TANGENT) }
             };
             // f(wo, wi) / n_o^2 is symmetric: n = 1 in front, 1.5 behind where light gets there.
-            let index = |w: Vec3| if w.dot(NORMAL) > 0.0 { 1.0 } else { 1.5 };
+            let behind = if bsdf.transmits_diffusely() { 1.0 } else { 1.5 };
+            let index = |w: Vec3| if w.dot(NORMAL) > 0.0 { 1.0 } else { behind };
             let scale =
                 if wo.dot(NORMAL) * wi.dot(NORMAL) > 0.0 { 1.0 } else { index(wo) / index(wi) };
             let forth = bsdf.eval(&vertex(wo), wi);
@@ -188,6 +197,7 @@ fn white_surfaces_in_a_white_furnace_are_invisible() {
         Bsdf::Mirror { reflectance: Vec3::ONE },
         Bsdf::Dielectric(Dielectric::new(1.5)),
         Bsdf::ThinDielectric(ThinDielectric::new(1.5)),
+        Bsdf::DiffuseTransmission(DiffuseTransmission::new(Vec3::splat(0.25), Vec3::splat(0.75))),
         coated(1.0),
         reflecting(1.0, 0.2),
         reflecting(1.0, 3.0),

@@ -3,7 +3,7 @@
 
 use crate::common::*;
 use bdpm::Settings;
-use bdpm::scene::bsdf::{Bsdf, Coated, Glossy};
+use bdpm::scene::bsdf::{Bsdf, Coated, DiffuseTransmission, Glossy};
 use bdpm::scene::{Material, Mesh, Scene};
 use bdpm::settings::{Direct, Strategy};
 use glam::{Vec2, Vec3};
@@ -59,6 +59,7 @@ fn light_paths_and_camera_paths_agree_on_every_bounce() {
     let diffuse = Bsdf::diffuse(Vec3::splat(0.9));
     for bsdf in [
         diffuse,
+        Bsdf::DiffuseTransmission(DiffuseTransmission::new(Vec3::splat(0.6), Vec3::splat(0.3))),
         Bsdf::Coated(Coated::new(Vec3::splat(0.9), 1.5)),
         Bsdf::Glossy(Glossy::new(Vec3::splat(0.9), 0.2, 1.5, 0.0)),
         Bsdf::Glossy(Glossy::new(Vec3::splat(0.9), 0.2, 1.5, 0.4)),

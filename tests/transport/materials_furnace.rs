@@ -5,7 +5,8 @@
 use crate::common::*;
 use bdpm::Settings;
 use bdpm::scene::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
+    Bsdf, Coated, Conductor, Dielectric, DiffuseTransmission, Glossy, Reflectance, RoughDielectric,
+    ThinDielectric,
 };
 use bdpm::scene::{Material, Mesh, Scene};
 use bdpm::settings::Direct;
@@ -114,6 +115,21 @@ fn smooth_surfaces_in_a_furnace_keep_its_radiance() {
     ];
     // Merging at curved coats takes their transmittance under slightly wrong angles.
     assert_invisible(&furnace(things, &bsdfs), 6e-3, 200);
+}
+
+#[test]
+fn sheets_in_a_furnace_keep_its_radiance() {
+    let sheet = |transmitted: f32| {
+        let shares = [1.0 - transmitted, transmitted].map(Vec3::splat);
+        Bsdf::DiffuseTransmission(DiffuseTransmission::new(shares[0], shares[1]))
+    };
+    let things = vec![
+        ball(place(-1, 0), 0.35, 1),
+        ball(place(0, 0), 0.35, 2),
+        square(place(1, 0), Vec3::new(0.3, 1.0, 0.2), 0.3, 3),
+        square(place(0, 1), Vec3::new(-0.4, -1.0, 0.5), 0.3, 1),
+    ];
+    assert_invisible(&furnace(things, &[sheet(0.4), sheet(1.0), sheet(0.8)]), 0.0, 140);
 }
 
 #[test]

@@ -11,6 +11,7 @@ mod bsdf;
 mod camera_batches;
 mod cameras;
 mod crop;
+mod diffuse_transmission;
 mod dispersion;
 mod far;
 mod goniometer;

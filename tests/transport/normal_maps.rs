@@ -3,7 +3,7 @@
 use crate::common::*;
 use bdpm::accel::Ray;
 use bdpm::noise::Measure;
-use bdpm::scene::bsdf::{Bsdf, Coated, Glossy};
+use bdpm::scene::bsdf::{Bsdf, Coated, DiffuseTransmission, Glossy};
 use bdpm::scene::{Material, Mesh, NormalMap, Sampling, Scene, Surface, Texture};
 use bdpm::settings::Direct;
 use bdpm::{Renderer, Settings};
@@ -53,10 +53,11 @@ fn image(scene: &Arc<Scene>, direct: Direct) -> Vec<Vec3> {
     renderer.film().mean()
 }
 
-fn bsdfs() -> [Bsdf; 4] {
+fn bsdfs() -> [Bsdf; 5] {
     let albedo = Vec3::new(0.8, 0.6, 0.4);
     [
         Bsdf::diffuse(albedo),
+        Bsdf::DiffuseTransmission(DiffuseTransmission::new(albedo, Vec3::splat(0.2))),
         Bsdf::Coated(Coated::new(albedo, 1.5)),
         Bsdf::Glossy(Glossy::new(albedo, 0.3, 1.5, 0.5)),
         Bsdf::Glossy(Glossy::new(albedo, 0.3, 1.5, 0.1)),

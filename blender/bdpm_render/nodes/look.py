@@ -16,9 +16,11 @@ class Look:
     """A surface. Colors and numbers are constants or pictures (`values`)."""
 
     # diffuse, principled (facets over a diffuse base, to metal), gloss (facets of one color from all sides),
-    # glass, or clear (nothing but a tint)
+    # glass, sheet (reflects and transmits diffusely), or clear (nothing but a tint)
     kind: str = "diffuse"
     color: object = None
+    # Color of the diffuse light that a sheet transmits; `color` is that of the light it reflects.
+    transmitted: object = None
     roughness: object = 0.5
     metallic: object = 0.0
     ior: float = GLASS_IOR
@@ -73,12 +75,35 @@ def mix(share, a, b, remark):
             # What shines does so for its share; lights are cut by their emission.
             return replace(other, opacity=opacity, emission=emission)
     for black, other, part in ((a, b, share), (b, a, rest)):
-        if black.is_black() and other.kind in {"diffuse", "gloss", "clear"}:
-            return replace(other, color=scaled(other.color, part, remark), emission=emission)
+        if black.is_black() and other.kind in {"diffuse", "gloss", "clear", "sheet"}:
+            color, transmitted = (scaled(own, part, remark) for own in (other.color, other.transmitted))
+            return replace(other, color=color, transmitted=transmitted, emission=emission)
     if a.kind == b.kind == "diffuse":
         color = combine(lambda s, x, y: x + s * (y - x), [share, a.color, b.color], remark)
         return replace(a, color=color, emission=emission)
+    if _make_sheet(a, b):
+        sheet = _sheet_of(lambda s, x, y: x + s * (y - x), [share], a, b, remark)
+        return replace(sheet, emission=emission)
     return replace(_between(share, a, b, remark), emission=emission)
+
+
+def _make_sheet(a, b):
+    """Whether two surfaces together scatter as a sheet does: one transmits diffuse light, the other has a base."""
+    kinds = {a.kind, b.kind}
+    has_base = all(look.kind != "principled" or float(mean(look.metallic)) < 0.5 for look in (a, b))
+    return "sheet" in kinds and kinds <= {"sheet", "diffuse", "principled"} and has_base
+
+
+def _sheet_of(function, values, a, b, remark):
+    """The sheet whose colors are `function` of `values` and those of both."""
+    if "principled" in {a.kind, b.kind}:
+        remark("a mixture of principled and translucent; took a sheet without highlights")
+    a, b = (look if look.kind == "sheet" else replace(look, transmitted=BLACK) for look in (a, b))
+
+    def color(name):
+        return combine(function, [*values, getattr(a, name), getattr(b, name)], remark)
+
+    return replace(a, kind="sheet", color=color("color"), transmitted=color("transmitted"))
 
 
 def _between(share, a, b, remark):
@@ -121,6 +146,9 @@ def add(a, b, remark):
     if a.kind == b.kind == "diffuse":
         color = combine(lambda x, y: np.minimum(x + y, 1), [a.color, b.color], remark)
         return replace(a, color=color, emission=emission)
+    if _make_sheet(a, b):
+        sheet = _sheet_of(lambda x, y: np.minimum(x + y, 1), [], a, b, remark)
+        return replace(sheet, emission=emission)
     half = np.float64(0.5)
     mixed = _between(half, a, b, remark)
     return replace(mixed, emission=emission)

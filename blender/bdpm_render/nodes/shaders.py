@@ -7,7 +7,7 @@ import numpy as np
 
 from . import look as looks
 from .follow import Socket, output_of
-from .look import EMPTY, WHITE, Look
+from .look import BLACK, EMPTY, WHITE, Look
 from .values import Picture, combine, is_constant, mean
 from .volumes import Volumes
 
@@ -132,8 +132,7 @@ class Shaders:
         return Look("clear", color)
 
     def node_bsdf_translucent(self, source):
-        self._remark(source.node, "light does not come through; took a diffuse surface")
-        return Look(color=self._color(source, "Color"), **self._normal(source))
+        return Look("sheet", BLACK, transmitted=self._color(source, "Color"), **self._normal(source))
 
     def node_subsurface_scattering(self, source):
         self._remark(source.node, "light does not go below the surface; took a diffuse one")

@@ -89,6 +89,8 @@ class Table:
             self._add_albedo(look.color)
         elif kind == "glass":
             self._add_glass(look)
+        elif kind == "sheet":
+            self._add_sheet(look)
         elif kind == "clear":
             if look.is_clear() and look.interior is not None:
                 self.keys["type"] = "boundary"
@@ -115,6 +117,20 @@ class Table:
             ior = {"d": ior, "abbe": look.abbe}
         self.keys |= {"type": "dielectric", "ior": ior, "transmittance": self._share(mean(look.color))}
         self._add_roughness(float(mean(look.roughness)), look.once)
+
+    def _add_sheet(self, look):
+        colors = [look.color, look.transmitted]
+        if all(is_constant(color) for color in colors):
+            total = np.maximum(mean(colors[0]) + mean(colors[1]), 1)
+            if (total > 1 + 1e-6).any():
+                self._remark("reflects and transmits more light than it gets; scaled")
+            colors = [mean(color) / total for color in colors]
+        elif isinstance(look.transmitted, VertexColor):
+            self._remark("transmits by a color attribute; took its middle")
+            colors[1] = mean(look.transmitted)
+        self.keys["type"] = "diffuse-transmission"
+        for name, color in zip(("reflectance", "transmittance"), colors):
+            self._add_color(name, color)
 
     def _add_gloss(self, look):
         color, roughness = self._share(mean(look.color)), float(mean(look.roughness))
@@ -169,16 +185,19 @@ class Table:
         return [float(x) for x in np.clip(color, 0, 1)]
 
     def _add_albedo(self, color):
+        self._add_color("albedo", color)
+
+    def _add_color(self, key, color):
         if isinstance(color, VertexColor):
             self.vertex_colors = color.name
-            self.keys["albedo"] = self._share(color.factor)
+            self.keys[key] = self._share(color.factor)
         elif isinstance(color, Picture):
             path, scale = self._store.color_file(color)
             if scale > 1:
                 self._remark("a picture reflects more light than it gets; clamped")
-            self.keys |= {"albedo": 1.0, "albedo_texture": self._texture(color, path)}
+            self.keys |= {key: 1.0, f"{key}_texture": self._texture(color, path)}
         else:
-            self.keys["albedo"] = self._share(mean(color))
+            self.keys[key] = self._share(mean(color))
 
     def _add_emission(self, emission):
         if emission is None:

@@ -21,6 +21,12 @@ impl TriangleSide {
     pub fn new(mesh: u32, triangle: u32, front: bool) -> Self {
         Self { mesh, side: triangle << 1 | u32::from(!front) }
     }
+
+    /// The other side of the same triangle.
+    #[must_use]
+    pub fn opposite(self) -> Self {
+        Self { side: self.side ^ 1, ..self }
+    }
 }
 
 /// A point of a path on a Lambertian surface, on the side that the path came from.

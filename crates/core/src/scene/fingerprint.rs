@@ -110,8 +110,8 @@ mod tests {
     use super::*;
     use crate::base::math::Rgb;
     use crate::scene::bsdf::{
-        Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Plastic, Reflectance,
-        RoughDielectric, ThinDielectric,
+        Bsdf, Coated, Conductor, Dielectric, DiffuseTransmission, FacetModel, Facets, Glossy,
+        Plastic, Reflectance, RoughDielectric, ThinDielectric,
     };
     use crate::scene::texture::{Sampling, Wrap};
     use crate::scene::{
@@ -129,6 +129,11 @@ mod tests {
         let facets = Facets { model, alpha: 0.2 };
         let gold = Reflectance::named("gold").unwrap();
         Bsdf::Conductor(Conductor::once(gold, facets, Rgb::splat(tint)))
+    }
+
+    fn sheet(reflectance: f32, transmittance: f32) -> Bsdf {
+        let shares = [reflectance, transmittance].map(Rgb::splat);
+        Bsdf::DiffuseTransmission(DiffuseTransmission::new(shares[0], shares[1]))
     }
 
     fn glossy([albedo, metallic, eta, alpha]: [f32; 4]) -> Bsdf {
@@ -315,6 +320,24 @@ mod tests {
         seen.sort_unstable();
         seen.dedup();
         assert_eq!(seen.len(), count);
+    }
+
+    #[test]
+    fn both_shares_of_a_sheet_and_its_textures_count() {
+        let seen = [
+            (sheet(0.5, 0.2), None),
+            (sheet(0.5, 0.3), None),
+            (sheet(0.4, 0.3), None),
+            (sheet(0.4, 0.3), Some(texture(1))),
+            (sheet(0.4, 0.3), Some(texture(2))),
+        ]
+        .map(|(bsdf, transmittance_texture)| {
+            let material = Material { bsdf, transmittance_texture, ..parts().material };
+            SceneParts { material, ..parts() }.fingerprint()
+        });
+        let own = parts().fingerprint();
+        let is_new = |index: usize| seen[index] != own && !seen[..index].contains(&seen[index]);
+        assert!((0..seen.len()).all(is_new), "{seen:?} {own}");
     }
 
     #[test]

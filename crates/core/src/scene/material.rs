@@ -21,7 +21,8 @@ pub struct Material {
     /// Dispersion of a dielectric, whose BSDF has the index at the line d; `None` if all
     /// wavelengths have this index.
     pub dispersion: Option<Arc<Dispersion>>,
-    /// Factor of the albedo of a surface with a diffuse base.
+    /// Factor of the albedo of a surface with a diffuse base, and of the reflectance of a sheet
+    /// that also transmits diffusely.
     pub albedo_texture: Option<Arc<Texture>>,
     /// Factors of a glossy or principled surface's roughness (green) and metallic share (blue).
     pub metallic_roughness_texture: Option<Arc<Texture>>,
@@ -45,6 +46,10 @@ pub struct Material {
     pub hidden_from_camera: bool,
     /// The media on both sides, if the surface bounds any.
     pub boundary: Option<MediumBoundary>,
+    /// Factor of the transmittance of a sheet that transmits diffusely. Only where there is one is
+    /// it part of the fingerprint, so that other scenes keep theirs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transmittance_texture: Option<Arc<Texture>>,
 }
 
 impl Material {
@@ -64,14 +69,17 @@ impl Material {
             luminous_opening: None,
             hidden_from_camera: false,
             boundary: None,
+            transmittance_texture: None,
         }
     }
 
     /// Returns true if scattering, normals or emission vary over the surface, or depend on the
     /// direction of its texture coordinates.
     pub fn varies(&self) -> bool {
-        let Self { albedo_texture, metallic_roughness_texture, emission_texture, .. } = self;
-        let textures = [albedo_texture, metallic_roughness_texture, emission_texture];
+        let Self { albedo_texture, transmittance_texture, .. } = self;
+        let Self { metallic_roughness_texture, emission_texture, .. } = self;
+        let scattering = [albedo_texture, transmittance_texture, metallic_roughness_texture];
+        let textures = scattering.into_iter().chain([emission_texture]);
         let is_textured = textures.into_iter().any(Option::is_some) || self.normal_map.is_some();
         is_textured || self.bsdf.is_anisotropic()
     }
@@ -89,18 +97,18 @@ impl Material {
     /// All textures of the material.
     pub fn textures(&self) -> impl Iterator<Item = &Arc<Texture>> {
         let normals = self.normal_map.as_ref().map(|map| &map.texture);
-        let Self { albedo_texture, metallic_roughness_texture, .. } = self;
-        let Self { opacity_texture, emission_texture, .. } = self;
-        let own = [albedo_texture, metallic_roughness_texture, opacity_texture, emission_texture];
-        own.into_iter().flatten().chain(normals)
+        let Self { albedo_texture, transmittance_texture, .. } = self;
+        let Self { metallic_roughness_texture, opacity_texture, emission_texture, .. } = self;
+        let scattering = [albedo_texture, transmittance_texture, metallic_roughness_texture];
+        let own = scattering.into_iter().chain([opacity_texture, emission_texture]);
+        own.flatten().chain(normals)
     }
 
     /// Returns true if merges may need the direction of photons: for BSDFs that vary with it, or
     /// normals that differ from the triangle's.
     pub(super) fn merges_by_direction(&self) -> bool {
-        let lambertian = matches!(self.bsdf, Bsdf::Lambertian { .. });
         let merges = self.bsdf.merges() || self.metallic_roughness_texture.is_some();
-        merges && !lambertian || self.normal_map.is_some()
+        merges && !self.bsdf.is_constant() || self.normal_map.is_some()
     }
 
     /// Radiance emitted from the front side at `uv`, W/(m^2 sr).
@@ -126,11 +134,14 @@ impl Material {
     /// The BSDF at `uv`, where the mesh has this color; `None` if it does not vary.
     pub(super) fn bsdf_at(&self, uv: Vec2, color: Option<Rgb>) -> Option<Bsdf> {
         let (albedo, data) = (&self.albedo_texture, &self.metallic_roughness_texture);
-        if albedo.is_none() && data.is_none() && color.is_none() {
+        let transmitted = &self.transmittance_texture;
+        if [albedo, transmitted, data].iter().all(|own| own.is_none()) && color.is_none() {
             return None;
         }
-        let picture = albedo.as_ref().map_or(Rgb::ONE, |texture| texture.color(uv));
-        let color = picture * color.unwrap_or(Rgb::ONE);
+        let picture = |texture: &Option<Arc<Texture>>| {
+            texture.as_ref().map_or(Rgb::ONE, |texture| texture.color(uv))
+        };
+        let color = picture(albedo) * color.unwrap_or(Rgb::ONE);
         match self.bsdf {
             Bsdf::Lambertian { albedo, two_sided } => {
                 Some(Bsdf::Lambertian { albedo: albedo * color, two_sided })
@@ -147,6 +158,9 @@ impl Material {
                 Some(Bsdf::Plastic(plastic.with_albedo(plastic.albedo() * color)))
             }
             Bsdf::Coated(coated) => Some(Bsdf::Coated(coated.with_albedo(coated.albedo() * color))),
+            Bsdf::DiffuseTransmission(sheet) => {
+                Some(Bsdf::DiffuseTransmission(sheet.scaled(color, picture(transmitted))))
+            }
             _ => None,
         }
     }

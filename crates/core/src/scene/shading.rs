@@ -54,8 +54,8 @@ pub(crate) fn shading_normal(
     match (bsdf, transport) {
         // The value does not depend on the viewing direction, even below the horizon of the normal.
         // Flux leaves by the cosine of the triangle; see `adjoint_correction`.
-        (Bsdf::Lambertian { .. }, Transport::Radiance) => interpolated,
-        (Bsdf::Lambertian { .. }, Transport::Flux) => triangle,
+        (constant, Transport::Radiance) if constant.is_constant() => interpolated,
+        (constant, Transport::Flux) if constant.is_constant() => triangle,
         // A normal that faces away is bent until it is visible; its surface would be black.
         // theory.md (33)
         _ => (interpolated + (GRAZING - interpolated.dot(wo)).max(0.0) * wo).normalize(),
@@ -85,10 +85,10 @@ impl Surface<'_> {
     /// scattering asymmetric (Veach 1997, Section 5.3). theory.md (34), (35).
     fn adjoint_correction(&self, normal: Vec3, at: &Vertex, wi: Vec3) -> f32 {
         let arriving = |normal: Vec3| normal.dot(self.wo) / self.normal.dot(self.wo);
-        match &self.bsdf {
-            Bsdf::Lambertian { .. } => arriving(normal).max(0.0),
-            _ => arriving(at.normal) * (self.normal.dot(wi) / at.normal.dot(wi)).abs(),
+        if self.bsdf.is_constant() {
+            return arriving(normal).max(0.0);
         }
+        arriving(at.normal) * (self.normal.dot(wi) / at.normal.dot(wi)).abs()
     }
 
     /// Share of the light that a diffuse surface would send above the triangle and below the
@@ -99,7 +99,7 @@ impl Surface<'_> {
     fn hidden_share(&self, normal: Vec3) -> f32 {
         let bsdf = &self.bsdf;
         let wide = bsdf.merges() && !bsdf.passes_through();
-        let bent = wide && !matches!(bsdf, Bsdf::Lambertian { .. });
+        let bent = wide && !bsdf.is_constant();
         if bent { 0.5 * (1.0 - normal.dot(self.normal)).max(0.0) } else { 0.0 }
     }
 

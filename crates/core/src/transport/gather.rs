@@ -29,9 +29,10 @@ pub struct GatherPoint {
     pub vertex: u32,
     /// Wavelength of the path; `None` for all wavelengths.
     pub wavelength: Option<Wavelength>,
-    /// Unit normal on the side that the camera path sees.
+    /// Unit normal on the side on which photons merge: the one that the camera path sees, or the
+    /// other one of surfaces that transmit diffusely.
     pub normal: Vec3,
-    /// The side of the triangle that the camera path sees.
+    /// That side of the triangle.
     pub facet: TriangleSide,
     /// Index in [`CameraPaths::views`](crate::transport::camera_paths::CameraPaths::views), or
     /// [`GatherPoint::NO_VIEW`] if the BSDF is constant.
@@ -147,11 +148,11 @@ impl GatherPoints {
     /// Sets the density of merges at earlier vertices of the last point, over the density of light
     /// paths there.
     pub(crate) fn set_earlier_merges(&mut self, earlier: f32) {
-        self.set_last_partials(GatherPartials { earlier, camera: 0.0 });
+        self.set_point_partials(GatherPartials { earlier, camera: 0.0 });
     }
 
-    /// Sets the MIS partials of the last point.
-    pub(crate) fn set_last_partials(&mut self, partials: GatherPartials) {
+    /// Sets the MIS partials of the last point, which has no view.
+    pub(crate) fn set_point_partials(&mut self, partials: GatherPartials) {
         let last = self.taken - 1;
         self.last_partials()[last % LANES] = partials;
     }
@@ -221,6 +222,8 @@ pub struct GatherView {
     pub at: Vertex,
     /// Interpolated or mapped unit normal on the side that is seen, if there is one.
     pub interpolated: Option<Vec3>,
+    /// True if photons merge on the other side, and their light is transmitted.
+    pub transmits: bool,
 }
 
 impl GatherView {
@@ -233,7 +236,7 @@ impl GatherView {
     /// The BSDF's value as of [`Self::value`] for a photon from `wi`, 1/sr.
     pub fn value_from(&self, wi: Vec3, point: &GatherPoint) -> Rgb {
         // theory.md (37)
-        let areas = wi.dot(self.at.normal) / wi.dot(point.normal);
+        let areas = wi.dot(self.turned(self.at.normal)) / wi.dot(point.normal);
         if areas > 0.0 {
             // theory.md (46)
             self.bsdf.eval_lobe(Lobe::Diffuse, &self.at, wi) * areas
@@ -248,12 +251,19 @@ impl GatherView {
     }
 
     /// Density with which light paths from `wi` go on along the camera path. The triangle has the
-    /// unit normal `normal`.
+    /// unit normal `normal` on the side of the photons.
     pub(crate) fn light_density(&self, wi: Vec3, normal: Vec3) -> f32 {
         let normal = self.interpolated.map_or(normal, |interpolated| {
+            let interpolated = self.turned(interpolated);
             shading_normal(&self.bsdf, interpolated, normal, wi, Transport::Flux)
         });
-        let at = Vertex { normal, wo: wi, ..self.at };
+        let front = self.at.front != self.transmits;
+        let at = Vertex { normal, wo: wi, front, ..self.at };
         Survival::LIGHT.density(&self.bsdf, &at, self.at.wo)
+    }
+
+    /// Turns a vector from the side that is seen to the side of the photons.
+    fn turned(&self, seen: Vec3) -> Vec3 {
+        if self.transmits { -seen } else { seen }
     }
 }

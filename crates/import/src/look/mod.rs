@@ -10,12 +10,13 @@ mod pfm;
 pub mod picture_file;
 mod pictures;
 
-pub use paint::{Paint, picture};
+pub use paint::{Paint, picture, picture_of};
 pub use pictures::{Encoding, Pictures, radiances};
 
 use bdpm_core::base::math::{Rgb, luminance};
 use bdpm_core::scene::bsdf::{
-    Bsdf, Dielectric, FacetModel, Facets, RoughDielectric, SMOOTH_ALPHA, ThinDielectric,
+    Bsdf, Dielectric, DiffuseTransmission, FacetModel, Facets, RoughDielectric, SMOOTH_ALPHA,
+    ThinDielectric,
 };
 use bdpm_core::scene::{
     Dispersion, Material, MediumBoundary, Mesh, NormalMap, RefractiveIndex, Texture,
@@ -45,6 +46,15 @@ pub struct Look {
     pub is_interface: bool,
     /// Whether the format shows it black from behind, and this renderer does not.
     pub is_black_behind: bool,
+}
+
+/// The colors of a surface that only scatters diffusely.
+struct DiffusePaints {
+    reflected: Paint,
+    /// `None` if it only reflects.
+    transmitted: Option<Paint>,
+    /// The back scatters as well.
+    two_sided: bool,
 }
 
 impl Look {
@@ -89,26 +99,71 @@ impl Look {
         Self::new(Bsdf::ThinDielectric(ThinDielectric { eta, transmittance }))
     }
 
+    /// A thin sheet that reflects and transmits diffusely by these paints, and whether their
+    /// pictures share one map; see [`Self::shares_map`].
+    pub fn translucent(reflectance: Paint, transmittance: Paint) -> (Self, bool) {
+        let Paint { color, texture, to_uv } = transmittance;
+        let mut sheet = DiffuseTransmission::new(reflectance.color, color);
+        if reflectance.texture.is_none() && texture.is_none() {
+            // Shares that scene files can hold.
+            let [reflected, transmitted] = sheet.shares();
+            sheet = DiffuseTransmission::new(reflected, transmitted);
+        }
+        let mut look = Self::painted(reflectance, |_| Bsdf::DiffuseTransmission(sheet));
+        let shares_map = texture.is_none() || look.shares_map(to_uv);
+        look.material.transmittance_texture = texture;
+        (look, shares_map)
+    }
+
     /// The mean of two diffuse surfaces by the share of the second one, and whether pictures became
-    /// their means. `None` unless both are diffuse and differ only by their albedo.
+    /// their means. `None` unless both only reflect or transmit diffusely, and from one or both
+    /// sides alike.
     pub fn mixed(a: &Self, b: &Self, share: &Paint) -> Option<(Self, bool)> {
-        let [(first, sides), (second, other)] = [a.diffuse_paint()?, b.diffuse_paint()?];
+        let [first, second] = [a.diffuse_paints()?, b.diffuse_paints()?];
+        if first.two_sided != second.two_sided {
+            return None;
+        }
         let mean = |colors: &[Rgb]| {
             colors[0] + (colors[1] - colors[0]) * colors[2].clamp(Rgb::ZERO, Rgb::ONE)
         };
-        let (paint, is_averaged) = Paint::combined(&[&first, &second, share], mean);
-        let bsdf = |albedo| Bsdf::Lambertian { albedo, two_sided: sides };
-        (sides == other).then(|| (Self::painted(paint, bsdf), is_averaged))
+        let mixed = |a: &Paint, b: &Paint| Paint::combined(&[a, b, share], mean);
+        let (reflected, is_averaged) = mixed(&first.reflected, &second.reflected);
+        if first.transmitted.is_none() && second.transmitted.is_none() {
+            let bsdf = |albedo| Bsdf::Lambertian { albedo, two_sided: first.two_sided };
+            return Some((Self::painted(reflected, bsdf), is_averaged));
+        }
+        let black = Paint::plain(Rgb::ZERO);
+        let [a, b] = [&first, &second].map(|own| own.transmitted.as_ref().unwrap_or(&black));
+        let (transmitted, is_other_averaged) = mixed(a, b);
+        let (look, shares_map) = Self::translucent(reflected, transmitted);
+        Some((look, is_averaged || is_other_averaged || !shares_map))
     }
 
-    /// The albedo of a surface that is only diffuse, and whether both of its sides scatter.
-    fn diffuse_paint(&self) -> Option<(Paint, bool)> {
-        let Bsdf::Lambertian { albedo: color, two_sided } = self.material.bsdf else { return None };
-        let Material { opacity, opacity_texture, normal_map, albedo_texture, .. } = &self.material;
+    /// The colors of a surface that only scatters diffusely.
+    fn diffuse_paints(&self) -> Option<DiffusePaints> {
+        let Material { opacity, opacity_texture, normal_map, .. } = &self.material;
         let is_plain = opacity.is_none() && opacity_texture.is_none() && normal_map.is_none();
+        if !is_plain || self.bumps.is_some() || self.is_interface {
+            return None;
+        }
         let to_uv = self.first_map.unwrap_or_default();
-        let paint = Paint { color, texture: albedo_texture.clone(), to_uv };
-        (is_plain && self.bumps.is_none() && !self.is_interface).then_some((paint, two_sided))
+        let paint = |color, texture: &Option<Arc<Texture>>| {
+            let texture = texture.clone();
+            Paint { color, texture, to_uv }
+        };
+        let Material { albedo_texture, transmittance_texture, .. } = &self.material;
+        match self.material.bsdf {
+            Bsdf::Lambertian { albedo, two_sided } => {
+                let reflected = paint(albedo, albedo_texture);
+                Some(DiffusePaints { reflected, transmitted: None, two_sided })
+            }
+            Bsdf::DiffuseTransmission(sheet) => Some(DiffusePaints {
+                reflected: paint(sheet.reflectance(), albedo_texture),
+                transmitted: Some(paint(sheet.transmittance(), transmittance_texture)),
+                two_sided: true,
+            }),
+            _ => None,
+        }
     }
 
     /// Takes the map of texture coordinates of a further picture. All pictures share the first map.

@@ -7,7 +7,8 @@ use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
 use bdpm_core::base::names::{Names, for_line};
 use bdpm_core::scene::bsdf::{
-    Bsdf, Conductor, FacetModel, Glossy, Plastic, PrincipledParameters, Reflectance,
+    Bsdf, Conductor, DiffuseTransmission, FacetModel, Glossy, Plastic, PrincipledParameters,
+    Reflectance,
 };
 use bdpm_core::scene::{Material, RefractiveIndex};
 use std::fmt::Write;
@@ -83,6 +84,7 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
             let (albedo, ior) = (color(coated.albedo()), number(coated.eta()));
             format!("type = \"coated\"\nalbedo = {albedo}\nior = {ior}\n")
         }
+        Bsdf::DiffuseTransmission(own) => sheet(material, &own),
         Bsdf::Plastic(surface) => plastic(&surface)?,
         Bsdf::Principled(surface) => principled(surface.parameters())?,
         Bsdf::Glossy(glossy) => {
@@ -105,6 +107,19 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
         let _ = writeln!(text, "opacity = {}", number(opacity));
     }
     Ok(text)
+}
+
+/// The keys of a sheet that transmits diffusely. Factors of textures may have any sum, shares at
+/// most 1.
+fn sheet(material: &Material, sheet: &DiffuseTransmission) -> String {
+    let is_textured = material.albedo_texture.is_some() || material.transmittance_texture.is_some();
+    let [reflectance, transmittance] =
+        if is_textured { [sheet.reflectance(), sheet.transmittance()] } else { sheet.shares() };
+    let (reflectance, transmittance) = (color(reflectance), color(transmittance));
+    format!(
+        "type = \"diffuse-transmission\"\nreflectance = {reflectance}\n\
+         transmittance = {transmittance}\n"
+    )
 }
 
 /// The keys of a metal.
@@ -186,10 +201,15 @@ fn textures<'a>(material: &'a Material, name: &str, textures: &mut TextureFiles<
     let tinted = glossy || is_based;
     let normals = material.normal_map.as_ref();
     let albedo = material.albedo_texture.as_ref().filter(|_| tinted);
+    let is_sheet = matches!(material.bsdf, Bsdf::DiffuseTransmission(_));
+    let reflectance = material.albedo_texture.as_ref().filter(|_| is_sheet);
+    let transmittance = material.transmittance_texture.as_ref().filter(|_| is_sheet);
     let data = material.metallic_roughness_texture.as_ref().filter(|_| glossy);
     let mut text = String::new();
     for (part, key, texture) in [
         ("albedo", "albedo_texture", albedo),
+        ("reflectance", "reflectance_texture", reflectance),
+        ("transmittance", "transmittance_texture", transmittance),
         ("metallic-roughness", "metallic_roughness_texture", data),
         ("opacity", "opacity_texture", material.opacity_texture.as_ref()),
         ("normal", "normal_texture", normals.map(|map| &map.texture)),

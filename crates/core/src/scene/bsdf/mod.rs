@@ -11,6 +11,7 @@ mod coated;
 pub mod coats;
 mod conductor;
 mod dielectric;
+mod diffuse_transmission;
 mod facets;
 pub mod fresnel;
 pub mod ggx;
@@ -24,6 +25,7 @@ mod rough_dielectric;
 pub use coated::Coated;
 pub use conductor::{Conductor, Reflectance};
 pub use dielectric::{Dielectric, ThinDielectric};
+pub use diffuse_transmission::DiffuseTransmission;
 pub use facets::{FacetModel, Facets};
 pub use glossy::Glossy;
 pub use plastic::Plastic;
@@ -160,6 +162,8 @@ pub enum Bsdf {
     /// Diffuse base, facets of dielectric, metal and glass, sheen and clear coat, as Mitsuba's
     /// `principled`.
     Principled(Principled),
+    /// A thin sheet that scatters diffusely to both sides.
+    DiffuseTransmission(DiffuseTransmission),
 }
 
 impl Bsdf {
@@ -175,7 +179,9 @@ impl Bsdf {
             Self::Glossy(_) | Self::Plastic(_) | Self::Principled(_) => {
                 [Lobe::Diffuse, Lobe::Rough].into_iter().find(|lobe| self.has_one_of(*lobe))
             }
-            Self::Lambertian { .. } | Self::Coated(_) => Some(Lobe::Diffuse),
+            Self::Lambertian { .. } | Self::Coated(_) | Self::DiffuseTransmission(_) => {
+                Some(Lobe::Diffuse)
+            }
             Self::Conductor(conductor) => conductor.spread(),
             Self::RoughDielectric(_) => Some(Lobe::Rough),
             Self::Mirror { .. } | Self::Dielectric(_) | Self::ThinDielectric(_) => None,
@@ -235,8 +241,21 @@ impl Bsdf {
         match self {
             Self::Dielectric(_) | Self::ThinDielectric(_) | Self::RoughDielectric(_) => true,
             Self::Principled(principled) => principled.transmits(),
-            _ => false,
+            _ => self.transmits_diffusely(),
         }
+    }
+
+    /// Returns true if a lobe that merges transmits light: photons on both sides merge.
+    #[inline]
+    pub fn transmits_diffusely(&self) -> bool {
+        matches!(self, Self::DiffuseTransmission(_))
+    }
+
+    /// Returns true if the value depends only on the sides of both directions: Lambertian
+    /// reflection and transmission.
+    #[inline]
+    pub fn is_constant(&self) -> bool {
+        matches!(self, Self::Lambertian { .. } | Self::DiffuseTransmission(_))
     }
 
     /// Returns true if all light goes straight on: the refractive indices on both sides are equal.
@@ -267,6 +286,9 @@ impl Bsdf {
     pub fn eval(&self, at: &Vertex, wi: Vec3) -> Rgb {
         if let Some(albedo) = self.diffuse_albedo(at.front) {
             return if wi.dot(at.normal) > 0.0 { albedo * FRAC_1_PI } else { Rgb::ZERO };
+        }
+        if let Self::DiffuseTransmission(sheet) = self {
+            return sheet.eval(wi.dot(at.normal));
         }
         self.eval_locally(at, wi, None)
     }
@@ -330,6 +352,9 @@ impl Bsdf {
             // Like the value, also where `wo` is below the horizon of a shading normal.
             let reflects = at.front || *two_sided;
             return if reflects { cosine_hemisphere_pdf_w(wi.dot(at.normal)) } else { 0.0 };
+        }
+        if let Self::DiffuseTransmission(sheet) = self {
+            return sheet.pdf_w(wi.dot(at.normal));
         }
         let frame = at.frame();
         let (wo, wi) = (frame.to_local(at.wo), frame.to_local(wi));
@@ -395,6 +420,9 @@ impl Bsdf {
                 BsdfSample { wi, weight: albedo, lobe: Lobe::Diffuse }
             });
         }
+        if let Self::DiffuseTransmission(sheet) = self {
+            return if wanted == LobeSet::All { sheet.sample(at.normal, rng) } else { None };
+        }
         self.sample_locally(at, transport, wanted, rng)
     }
 
@@ -415,7 +443,7 @@ impl Bsdf {
             return None;
         }
         let sample = match self {
-            Self::Lambertian { .. } => None,
+            Self::Lambertian { .. } | Self::DiffuseTransmission(_) => None,
             Self::Mirror { reflectance } => Some(mirrored(wo, *reflectance)),
             Self::Dielectric(interface) => Some(interface.sample(wo, at.front, transport, rng)),
             Self::ThinDielectric(sheet) => Some(sheet.sample(wo, rng)),
@@ -440,6 +468,7 @@ impl Bsdf {
             Self::Glossy(glossy) => glossy.albedo(),
             Self::Plastic(plastic) => plastic.albedo(),
             Self::Principled(principled) => principled.parameters().base_color,
+            Self::DiffuseTransmission(sheet) => sheet.albedo(),
             Self::Conductor(conductor) => conductor.normal_reflectance(),
             Self::RoughDielectric(interface) => interface.transmittance(),
             Self::Mirror { .. } | Self::Dielectric(_) | Self::ThinDielectric(_) => Rgb::ONE,
@@ -447,12 +476,13 @@ impl Bsdf {
     }
 
     /// An upper bound of the scattered share of the incident flux, per channel; exact for
-    /// Lambertian surfaces and mirrors.
+    /// Lambertian surfaces, mirrors and thin sheets that scatter diffusely.
     #[inline]
     pub fn albedo(&self) -> Rgb {
         match self {
             Self::Lambertian { albedo, .. } => *albedo,
             Self::Mirror { reflectance } => *reflectance,
+            Self::DiffuseTransmission(sheet) => sheet.albedo(),
             _ => Rgb::ONE,
         }
     }

@@ -164,7 +164,8 @@ impl CameraPaths {
             if at.is_bent[lane] || at.bsdf.has_coat(lane) > 0.0 {
                 let (bsdf, interpolated) =
                     (pass.scene.coated_bsdf(at, lane), at.interpolated(lane));
-                self.views.push(GatherView { bsdf, at: at.vertex(lane), interpolated });
+                let (at, transmits) = (at.vertex(lane), false);
+                self.views.push(GatherView { bsdf, at, interpolated, transmits });
                 self.gather_points.push(&point);
                 self.gather_points.set_earlier_merges(partials[lane].arrive(1.0));
                 continue;
@@ -176,7 +177,7 @@ impl CameraPaths {
             let camera = mis.camera_survival(vertex).lambertian(albedo.max_element());
             let own = mis.balance.gather(vertex, partials[lane].arrive(light), camera);
             self.gather_points.push(&point);
-            self.gather_points.set_last_partials(own);
+            self.gather_points.set_point_partials(own);
         }
     }
 

@@ -4,6 +4,7 @@
 mod aov;
 mod coated;
 mod equiangular;
+mod gather;
 mod medium;
 mod meter;
 mod mis;

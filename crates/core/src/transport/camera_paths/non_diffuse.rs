@@ -9,7 +9,6 @@ use crate::scene::bsdf::{Lobe, LobeSet, LobeValue, Transport, Vertex};
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::{LightSample, Receiver, Scene, Surface};
 use crate::simd::{LANES, lanes_of};
-use crate::transport::gather::{GatherPoint, GatherView};
 use crate::transport::light_paths::survival;
 use crate::transport::path_state::{PathState, PathStates, other_surface};
 
@@ -108,10 +107,7 @@ impl CameraPaths {
         }
         let merges = surface.bsdf.merges();
         if merges && pass.gathers_at(vertex) {
-            let (bsdf, interpolated) = (surface.bsdf, surface.interpolated);
-            self.views.push(GatherView { bsdf, at, interpolated });
-            let view = self.views.len() as u32 - 1;
-            self.gather(surface, &state, view);
+            self.gather(surface, &at, &state);
         }
         // A path that is cut here still takes lobes that pass through.
         let cut = merges && !pass.goes_on_from(vertex);
@@ -139,7 +135,7 @@ impl CameraPaths {
             }
             state.weight /= survival;
         }
-        Some((Ray::new(surface.off_surface, sample.wi), state))
+        Some((Ray::new(surface.start(sample.wi), sample.wi), state))
     }
 
     /// Connects all vertices. Both lobes of a vertex share a light source, and most of them a
@@ -236,26 +232,6 @@ impl CameraPaths {
         let cos_theta = light.wi.dot(at.normal).abs();
         let contribution = state.weight * values.value * light.irradiance * cos_theta;
         contribution * self.connection_weight(scene.lights(), vertex, (lobe, values), light)
-    }
-
-    /// Stores a gather point with the BSDF in one of `views`.
-    fn gather(&mut self, surface: &Surface, state: &PathState, view: u32) {
-        let Surface { position, facet, normal, .. } = *surface;
-        let PathState { path, weight, history, .. } = *state;
-        let (vertex, wavelength) = (history.diffuse() + 1, history.wavelength());
-        self.gather_points.push(&GatherPoint {
-            position,
-            path,
-            weight,
-            vertex,
-            wavelength,
-            normal,
-            facet,
-            view,
-        });
-        if self.mis.is_some() {
-            self.gather_points.set_earlier_merges(self.arriving_merges(path));
-        }
     }
 }
 

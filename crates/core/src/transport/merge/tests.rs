@@ -48,6 +48,7 @@ fn camera_paths(count: u32) -> CameraPaths {
                     bsdf: Bsdf::diffuse(Rgb::splat(0.5)),
                     at,
                     interpolated: None,
+                    transmits: false,
                 });
                 paths.views.len() as u32 - 1
             } else {

@@ -178,8 +178,8 @@ mod tests {
     use crate::base::rng::{Rng, Stream, StreamKey};
     use crate::scene::Material;
     use crate::scene::bsdf::{
-        Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, LobeSet, Plastic, Principled,
-        PrincipledParameters, Reflectance, RoughDielectric, ThinDielectric,
+        Coated, Conductor, Dielectric, DiffuseTransmission, FacetModel, Facets, Glossy, LobeSet,
+        Plastic, Principled, PrincipledParameters, Reflectance, RoughDielectric, ThinDielectric,
     };
     use crate::scene::diffuse::TriangleSide;
     use crate::transport::gather::GatherView;
@@ -211,6 +211,10 @@ mod tests {
             principled(0.7, 0.0, 1.0),
             principled(0.4, 0.6, 1.0),
             Bsdf::diffuse(Rgb::new(0.2, 0.7, 0.5)),
+            Bsdf::DiffuseTransmission(DiffuseTransmission::new(
+                Rgb::new(0.2, 0.7, 0.1),
+                Rgb::new(0.6, 0.3, 0.5),
+            )),
             Bsdf::Mirror { reflectance: Rgb::splat(0.8) },
             Bsdf::Dielectric(Dielectric::new(1.5)),
             Bsdf::ThinDielectric(ThinDielectric::new(1.5)),
@@ -290,12 +294,14 @@ mod tests {
                     }
                 }
                 let light = direction(&mut rng);
-                if bsdf.merges() && light.z * camera.z > 0.0 {
-                    let at_light = surface(&material, light, normal).vertex(Transport::Flux);
+                let transmits = light.z * camera.z < 0.0;
+                if bsdf.merges() && (!transmits || bsdf.transmits_diffusely()) {
+                    let from_light = surface(&material, light, normal);
+                    let at_light = from_light.vertex(Transport::Flux);
                     let own = Survival::LIGHT.density(&bsdf, &at_light, camera);
                     let interpolated = from_camera.interpolated;
-                    let view = GatherView { bsdf, at, interpolated };
-                    let seen = view.light_density(light, from_camera.normal);
+                    let view = GatherView { bsdf, at, interpolated, transmits };
+                    let seen = view.light_density(light, from_light.normal);
                     assert!((own / seen - 1.0).abs() < 1e-4, "{bsdf:?} {own} {seen}");
                 }
             }

@@ -125,8 +125,10 @@ impl LightPartials {
                 ray: [states.origin.get(lane), states.direction.get(lane)],
                 vertex: [at.position.get(lane), at.normal.get(lane)],
             };
+            let [position, normal] = segment.vertex;
+            let at = Receiver { position, normal: Some(normal) };
             let techniques = StraightDensities {
-                connection: mis.connection(lights, path.emitter, history, &segment),
+                connection: mis.connection(lights, path.emitter, history, (&segment, at)),
                 camera: survival.lambertian(albedo),
             };
             let merges = mis.merges(history);
@@ -165,7 +167,12 @@ impl LightPartials {
             (techniques, None, directions.light_rough(surface))
         } else {
             let techniques = StraightDensities {
-                connection: mis.connection(lights, path.emitter, state.history, &segment),
+                connection: mis.connection(
+                    lights,
+                    path.emitter,
+                    state.history,
+                    (&segment, surface.receiver()),
+                ),
                 camera: directions.camera_diffuse(surface, mis.camera_survival(2)),
             };
             let at = surface.vertex(Transport::Flux);
@@ -179,19 +186,18 @@ impl LightPartials {
 impl Mis {
     /// Density of connections over the density of emission where a light path arrives at a diffuse
     /// vertex with this history; 0 unless it arrives straight from its light source and is
-    /// connected from there.
+    /// connected from there, as this receiver.
     fn connection(
         &self,
         lights: &Lights,
         emitter: u32,
         history: History,
-        segment: &FirstSegment,
+        (segment, at): (&FirstSegment, Receiver),
     ) -> f32 {
         if !history.is_start() || !self.connects {
             return 0.0;
         }
-        let [position, normal] = segment.vertex;
-        segment.connection(lights, emitter, Receiver { position, normal: Some(normal) })
+        segment.connection(lights, emitter, at)
     }
 
     /// Class of the photon of a light path that arrives with this history, if it is merged at

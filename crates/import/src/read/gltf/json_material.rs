@@ -66,6 +66,8 @@ json_objects! {
     struct MaterialExtensions {
         #[serde(rename = "KHR_materials_clearcoat")]
         clearcoat: Clearcoat,
+        #[serde(rename = "KHR_materials_diffuse_transmission")]
+        diffuse_transmission: DiffuseTransmissionExtension,
         #[serde(rename = "KHR_materials_dispersion")]
         dispersion: DispersionExtension,
         #[serde(rename = "KHR_materials_emissive_strength")]
@@ -88,6 +90,14 @@ json_objects! {
         clearcoat_roughness_factor: f32,
         clearcoat_roughness_texture: Option<TextureInfo>,
         clearcoat_normal_texture: Option<TextureInfo>,
+    }
+
+    struct DiffuseTransmissionExtension {
+        diffuse_transmission_factor: f32,
+        /// Its alpha multiplies the factor.
+        diffuse_transmission_texture: Option<TextureInfo>,
+        diffuse_transmission_color_factor: [f32; 3] = [1.0; 3],
+        diffuse_transmission_color_texture: Option<TextureInfo>,
     }
 
     struct EmissiveStrength {

@@ -4,7 +4,7 @@ use super::json::{GltfDocument, get};
 use super::json_material::{IorExtension, MaterialJson, TextureInfo};
 use super::texture::{Coverage, GltfTextures, UvSource, blended, coverage};
 use super::{first_name, malformed};
-use crate::look::{DEFAULT_IOR, Look, ONE_MAP, correlated, in_vacuum};
+use crate::look::{DEFAULT_IOR, Look, ONE_MAP, Paint, correlated, in_vacuum, picture_of};
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::{Rgb, luminance};
 use bdpm_core::scene::bsdf::{Bsdf, Glossy, SMOOTH_ALPHA};
@@ -71,15 +71,21 @@ struct Layers {
     specular: Rgb,
     /// It includes the mean of its texture.
     transmission: f32,
+    /// Factor, without its texture.
+    diffuse_transmission: f32,
     clearcoat: f32,
     clearcoat_roughness: f32,
 }
+
+/// The phrase of a warning about sheets that transmit diffusely.
+const HIGHLIGHTS: &str = "ignored the highlights of the translucent material";
 
 /// How a surface becomes one BSDF.
 #[derive(Clone, Copy, PartialEq)]
 enum Model {
     Unlit,
     Glass,
+    Translucent,
     Coated,
     MetallicRoughness,
 }
@@ -99,6 +105,7 @@ impl MaterialReader<'_, '_> {
             Model::Unlit => Look::new(Bsdf::diffuse(base.color)),
             Model::Glass if is_thick => self.solid_glass(&base, &layers, picture.as_ref(), abbe),
             Model::Glass => self.sheet(&base, &layers, picture.as_ref()),
+            Model::Translucent => self.translucent(&base, &layers, picture.clone())?,
             // The extension multiplies the base by 1 - F of the coat. Glossy surfaces conserve
             // energy likewise.
             Model::Coated => {
@@ -133,7 +140,7 @@ impl MaterialReader<'_, '_> {
         look.material = Material {
             boundary: interior.filter(|_| is_glass && is_thick),
             emission,
-            albedo_texture: picture.filter(|_| !is_glass),
+            albedo_texture: look.material.albedo_texture.take().or(picture.filter(|_| !is_glass)),
             // Coats have their own roughness.
             metallic_roughness_texture: base.data.filter(|_| is_glossy && model != Model::Coated),
             opacity_texture,
@@ -212,6 +219,10 @@ impl MaterialReader<'_, '_> {
             .picture(&transmission.transmission_texture, &format!("{key}.transmissionTexture"))?;
         let red = picture.map_or(1.0, |picture| picture.mean_data().x);
         let transmission = red * self.share(transmission.transmission_factor, key)?;
+        let diffuse_transmission = self.share(
+            own.diffuse_transmission.diffuse_transmission_factor,
+            "extensions.KHR_materials_diffuse_transmission.diffuseTransmissionFactor",
+        )?;
         let key = "extensions.KHR_materials_clearcoat";
         let [clearcoat, clearcoat_roughness] =
             [own.clearcoat.clearcoat_factor, own.clearcoat.clearcoat_roughness_factor]
@@ -226,6 +237,7 @@ impl MaterialReader<'_, '_> {
             ior,
             specular: self.specular()?,
             transmission,
+            diffuse_transmission,
             clearcoat: clearcoat?,
             clearcoat_roughness: clearcoat_roughness?,
         })
@@ -310,9 +322,60 @@ impl MaterialReader<'_, '_> {
         ]);
         match (is_glass, is_coated) {
             (true, _) => Model::Glass,
+            _ if self.is_translucent(base, layers) => Model::Translucent,
             (_, true) => Model::Coated,
             _ => Model::MetallicRoughness,
         }
+    }
+
+    /// Whether a surface that is not glass transmits diffuse light.
+    fn is_translucent(&mut self, base: &Base, layers: &Layers) -> bool {
+        let transmits = layers.diffuse_transmission > 0.0;
+        let is_metal = base.means[0] >= 0.5;
+        self.skipped_if([(transmits && is_metal, "ignored the diffuse transmission of the metal")]);
+        transmits && !is_metal
+    }
+
+    /// A thin sheet: the diffuse base is divided between reflection by the base color and
+    /// transmission by a color of its own.
+    fn translucent(
+        &mut self,
+        base: &Base,
+        layers: &Layers,
+        picture: Option<Arc<Texture>>,
+    ) -> Result<Look> {
+        let own = &self.json.extensions.diffuse_transmission;
+        let key = |name: &str| format!("extensions.KHR_materials_diffuse_transmission.{name}");
+        let factor = layers.diffuse_transmission;
+        let name = key("diffuseTransmissionColorFactor");
+        let color = self.color(own.diffuse_transmission_color_factor, &name)?;
+        let shares =
+            self.picture(&own.diffuse_transmission_texture, &key("diffuseTransmissionTexture"))?;
+        let name = key("diffuseTransmissionColorTexture");
+        let colors = self.picture(&own.diffuse_transmission_color_texture, &name)?;
+        let has_volume = self.json.extensions.volume.thickness_factor > 0.0;
+        self.skipped_if([
+            (base.means[0] > 0.0, "ignored the metal in"),
+            (layers.ior > 1.0 && layers.specular != Rgb::ZERO, HIGHLIGHTS),
+            (layers.clearcoat >= 0.5, "ignored the clear coat of"),
+            (has_volume, "left out the volume behind the thin sheet"),
+        ]);
+        // All textures share one map: see `uv_source`.
+        let paint = |color, texture| Paint { texture, ..Paint::plain(color) };
+        let (reflected, transmitted) = (paint(base.color, picture), paint(color, colors));
+        let Some(shares) = shares else {
+            let scaled = |paint: Paint, share: f32| Paint { color: paint.color * share, ..paint };
+            let (reflected, transmitted) =
+                (scaled(reflected, 1.0 - factor), scaled(transmitted, factor));
+            return Ok(Look::translucent(reflected, transmitted).0);
+        };
+        let (largest, alphas) =
+            picture_of(&shares, |texel| Rgb::splat(f32::from(texel[3]) / 255.0));
+        let share = paint(factor * largest, Some(Arc::new(alphas)));
+        let rest = |both: &[Rgb]| both[0] * (Rgb::ONE - both[1]);
+        let (reflected, _) = Paint::combined(&[&reflected, &share], rest);
+        let (transmitted, _) = Paint::combined(&[&transmitted, &share], |both| both[0] * both[1]);
+        Ok(Look::translucent(reflected, transmitted).0)
     }
 
     fn metallic_roughness(&mut self, base: &Base, layers: &Layers) -> Bsdf {
@@ -381,11 +444,14 @@ impl MaterialReader<'_, '_> {
     /// Texture coordinates of the first texture, and whether another texture has other ones.
     fn uv_source(&self) -> Result<(Option<UvSource>, bool)> {
         let pbr = &self.json.pbr_metallic_roughness;
+        let transmission = &self.json.extensions.diffuse_transmission;
         let infos = [
             pbr.base_color_texture.as_ref(),
             pbr.metallic_roughness_texture.as_ref(),
             self.json.normal_texture.as_ref().map(|normals| &normals.info),
             self.json.emissive_texture.as_ref(),
+            transmission.diffuse_transmission_texture.as_ref(),
+            transmission.diffuse_transmission_color_texture.as_ref(),
         ];
         let sources: Vec<UvSource> = infos.into_iter().flatten().map(UvSource::new).collect();
         if sources.iter().any(|uv| !uv.is_finite()) {

@@ -181,7 +181,7 @@ impl<'a> MeshReader<'a> {
             let material = look.named(&name);
             let uv_source = uv_source.filter(|_| material.is_textured());
             let has_normal_map = material.normal_map.is_some();
-            let is_tinted = !material.bsdf.transmits();
+            let is_tinted = !material.bsdf.transmits() || material.bsdf.transmits_diffusely();
             materials.push(material);
             let material = materials.len() as u32 - 1;
             MaterialUse { material, uv_source, has_normal_map, is_tinted }

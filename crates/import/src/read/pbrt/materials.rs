@@ -116,7 +116,7 @@ impl Materials {
         Ok(look)
     }
 
-    /// The mean of two diffuse materials, else the material with more weight.
+    /// The mean of two materials that only scatter diffusely, else the material with more weight.
     fn mix(
         &mut self,
         source: &MaterialSource,
@@ -268,10 +268,18 @@ impl MaterialReader<'_> {
         let reflected = self.share("reflectance", 0.25)?;
         let transmitted = self.share("transmittance", 0.25)?;
         let scale = self.source.params.float_in("scale", 1.0, [0.0, 1e6])? as f32;
-        self.skipped_if(true, "reflected instead of transmitted the light through");
-        let sum = |colors: &[Rgb]| (scale * (colors[0] + colors[1])).min(Rgb::ONE);
-        let (paint, _) = Paint::combined(&[&reflected, &transmitted], sum);
-        Ok(Look::painted(paint, Bsdf::diffuse))
+        let scaled = |paint: Paint| match scale {
+            1.0 => paint,
+            _ => paint.mapped(|color| (scale * color).min(Rgb::ONE)),
+        };
+        let (reflected, transmitted) = (scaled(reflected), scaled(transmitted));
+        // The factor of the picture is its largest value.
+        let (sum, _) = Paint::combined(&[&reflected, &transmitted], |both| both[0] + both[1]);
+        let gains = sum.color.max_element() > 1.0 + 1e-3;
+        let (look, shares_map) = Look::translucent(reflected, transmitted);
+        self.skipped_if(gains, "scaled reflectance and transmittance to a sum of 1 in");
+        self.skipped_if(!shares_map, ONE_MAP);
+        Ok(look)
     }
 
     /// A metal by the parameters whose names begin with `prefix`.

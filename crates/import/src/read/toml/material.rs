@@ -11,14 +11,20 @@ use crate::text::list;
 use bdpm_core::base::error::Error;
 use bdpm_core::base::math::Rgb;
 use bdpm_core::scene::bsdf::{
-    Bsdf, Coated, Conductor, FacetModel, Facets, Glossy, Plastic, Principled, PrincipledParameters,
-    Reflectance,
+    Bsdf, Coated, Conductor, DiffuseTransmission, FacetModel, Facets, Glossy, Plastic, Principled,
+    PrincipledParameters, Reflectance,
 };
 use bdpm_core::scene::{Material, Medium, NormalMap, RefractiveIndex, Sampling, Texture, Wrap};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use toml::Spanned;
+
+/// Reflectance and transmittance of sheets whose file gives none, as in pbrt.
+const DEFAULT_SHEET: f32 = 0.25;
+
+/// Shares of one may add up to this much above it by rounding.
+const ROUNDING: f32 = 1e-5;
 
 /// The keys of a material.
 #[derive(Debug, Deserialize)]
@@ -39,6 +45,8 @@ pub struct MaterialTable {
     texture_filter: Option<FilterKind>,
     two_sided: Option<Spanned<bool>>,
     reflectance: Option<Spanned<Albedo>>,
+    reflectance_texture: Option<Spanned<TextureTable>>,
+    transmittance_texture: Option<Spanned<TextureTable>>,
     facets: Option<Spanned<FacetName>>,
     tint: Option<Spanned<Albedo>>,
     nonlinear: Option<Spanned<bool>>,
@@ -87,6 +95,7 @@ enum MaterialKind {
     Glossy,
     Plastic,
     Principled,
+    DiffuseTransmission,
     Boundary,
 }
 
@@ -117,6 +126,11 @@ impl MaterialKind {
                  roughness anisotropic transmission specular_tint sheen sheen_tint flatness \
                  clearcoat clearcoat_gloss two_sided interior exterior",
             ),
+            Self::DiffuseTransmission => (
+                "diffuse-transmission",
+                "reflectance reflectance_texture transmittance transmittance_texture interior \
+                 exterior",
+            ),
             Self::Boundary => ("boundary", "interior exterior"),
         }
     }
@@ -138,7 +152,11 @@ impl MaterialTable {
         let mut texture = |key, is_color| self.texture(key, textures, is_color);
         look.material = Material {
             emission: self.emission.map_or(default, |emission| emission.0),
-            albedo_texture: texture(&self.albedo_texture, true)?,
+            albedo_texture: match &self.reflectance_texture {
+                Some(_) => texture(&self.reflectance_texture, true)?,
+                None => texture(&self.albedo_texture, true)?,
+            },
+            transmittance_texture: texture(&self.transmittance_texture, true)?,
             metallic_roughness_texture: texture(&self.metallic_roughness_texture, false)?,
             opacity_texture: texture(&self.opacity_texture, false)?,
             opacity: self.opacity.map(|opacity| opacity.0),
@@ -179,6 +197,7 @@ impl MaterialTable {
             MaterialKind::Principled => {
                 Bsdf::Principled(Principled::new(self.principled(albedo, eta)))
             }
+            MaterialKind::DiffuseTransmission => Bsdf::DiffuseTransmission(self.sheet()?),
             MaterialKind::Coated => Bsdf::Coated(Coated::new(albedo, eta)),
             MaterialKind::Glossy => Bsdf::Glossy(Glossy::new(albedo, metallic, eta, alpha)),
         }))
@@ -208,6 +227,29 @@ impl MaterialTable {
         let is_nonlinear = self.nonlinear.as_ref().is_some_and(|is| *is.get_ref());
         let plastic = Plastic::new(albedo, eta, Facets { model, alpha }, is_nonlinear);
         plastic.tinted(rgb(&self.tint).unwrap_or(Rgb::ONE))
+    }
+
+    /// A sheet that reflects and transmits diffusely. Factors of textures may have any sum.
+    fn sheet(&self) -> Result<DiffuseTransmission, Misplaced> {
+        let share = |share: &Option<Spanned<Albedo>>, is_textured: bool| {
+            let default = if is_textured { 1.0 } else { DEFAULT_SHEET };
+            rgb(share).unwrap_or(Rgb::splat(default))
+        };
+        let textured = [&self.reflectance_texture, &self.transmittance_texture];
+        let textured = textured.map(|texture| texture.is_some());
+        let reflectance = share(&self.reflectance, textured[0]);
+        let transmittance = share(&self.transmittance, textured[1]);
+        let sum = (reflectance + transmittance).max_element();
+        let given = self.transmittance.as_ref().or(self.reflectance.as_ref());
+        match given {
+            Some(key) if sum > 1.0 + ROUNDING && textured == [false; 2] => {
+                let problem = format!("reflectance and transmittance add up to {sum}");
+                let advice = "give two of at most 1 together in each channel; each is \
+                              0.25 if it is missing";
+                Err((Error::new(problem, advice), key.span().start))
+            }
+            _ => Ok(DiffuseTransmission::new(reflectance, transmittance)),
+        }
     }
 
     /// Whether the back scatters as the front does.
@@ -296,7 +338,8 @@ impl MaterialTable {
             };
         }
         let given = starts!(self:
-            albedo albedo_texture two_sided reflectance metal eta k ior outside_ior roughness alpha
+            albedo albedo_texture two_sided reflectance reflectance_texture
+            transmittance_texture metal eta k ior outside_ior roughness alpha
             facets tint nonlinear transmittance metallic anisotropic transmission specular_tint sheen
             sheen_tint flatness clearcoat clearcoat_gloss metallic_roughness_texture interior
             exterior);

@@ -6,7 +6,7 @@ mod principled;
 use super::document::MAX_DEPTH;
 use super::object::Object;
 use super::texture::Paints;
-use crate::look::{Look, ONE_MAP};
+use crate::look::{Look, ONE_MAP, Paint};
 use bdpm_core::base::error::Result;
 use bdpm_core::base::math::Rgb;
 use bdpm_core::scene::Texture;
@@ -47,6 +47,10 @@ impl BsdfCache {
             "conductor" | "roughconductor" => models::conductor(object, paints),
             "dielectric" | "roughdielectric" => models::dielectric(object, paints),
             "thindielectric" => models::sheet(object, paints),
+            "difftrans" => {
+                let transmitted = paints.share(object, "transmittance", Rgb::splat(0.5))?;
+                Ok(Look::translucent(Paint::plain(Rgb::ZERO), transmitted).0)
+            }
             "plastic" | "roughplastic" => models::plastic(object, paints),
             "principled" => principled::solid(object, paints),
             "principledthin" => principled::thin(object, paints),
@@ -88,7 +92,12 @@ impl BsdfCache {
         let Ok([a, b]) = <[Look; 2]>::try_from(self.nested(object, paints, depth)?) else {
             return Err(object.error("it does not have two BSDFs", "give two"));
         };
+        let transmits = [&a, &b].iter().any(|look| look.material.bsdf.transmits_diffusely());
+        // Mitsuba's `twosided` takes no BSDF that transmits.
+        let [a, b] = [a, b].map(|look| if transmits { reflecting_both_ways(look) } else { look });
         if let Some((look, is_averaged)) = Look::mixed(&a, &b, &weight) {
+            let is_black_behind = a.is_black_behind || b.is_black_behind;
+            let look = Look { is_black_behind, ..look };
             if is_averaged {
                 paints.skipped(AVERAGED, object);
             }
@@ -146,6 +155,15 @@ fn changed(object: &Object, mut look: Look, has_more: bool, paints: &mut Paints)
         paints.skipped(ONE_MAP, object);
     }
     Ok(look)
+}
+
+/// A Lambertian surface that scatters on one side only as one that scatters on both.
+fn reflecting_both_ways(mut look: Look) -> Look {
+    if let Bsdf::Lambertian { two_sided: false, .. } = look.material.bsdf {
+        look.material.bsdf = two_sided(look.material.bsdf);
+        look.is_black_behind = true;
+    }
+    look
 }
 
 fn two_sided(bsdf: Bsdf) -> Bsdf {
