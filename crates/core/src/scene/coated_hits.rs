@@ -5,7 +5,7 @@ use super::bsdf::coats::{CoatedBase, CoatedBases, SeenCoats};
 use super::bsdf::{Bsdf, Vertex};
 use super::diffuse::TriangleSide;
 use super::hit::Triangles;
-use super::shading::GRAZING;
+use super::shading::{GRAZING, SMOOTH_COSINE};
 use super::triangle::Corners;
 use super::{Material, Mesh, Placement, Scene, Texture, Triangle};
 use crate::accel::HitPacket;
@@ -190,7 +190,7 @@ impl Scene {
         transpose_rows(simd, &coats, coat);
         let (mut wo, mut color) = <(Vec3s, Vec3s)>::default();
         let mut uv = [[0.0; LANES]; 2];
-        let mut front = Mask::default();
+        let (mut front, mut restores) = (Mask::default(), [1.0; LANES]);
         for lane in 0..LANES {
             at.active[lane] = lane < count;
             let direction = directions.get(lane);
@@ -229,6 +229,11 @@ impl Scene {
             at.shading_normal.set(lane, if is_smooth { lifted } else { normal });
             at.interpolated.set(lane, if is_smooth { smooth } else { normal });
             at.is_bent[lane] = is_bent;
+            // theory.md (33a)
+            let least = a.dot(own).min(b.dot(own)).min(c.dot(own));
+            let is_restored = is_smooth & !(coat.has_coat(lane) > 0.0) & (least >= SMOOTH_COSINE);
+            let restored = 2.0 / (1.0 + smooth.dot(normal));
+            restores[lane] = if is_restored { restored } else { 1.0 };
         }
         let mut textures = [None; LANES];
         for lane in 0..count {
@@ -238,6 +243,9 @@ impl Scene {
             }
         }
         Texture::colors(&textures, &uv, &mut color);
+        for (lane, restores) in restores.into_iter().enumerate() {
+            color.set(lane, color.get(lane) * restores);
+        }
         at.bsdf = SeenCoats::new(coat, &color, &front, &at.shading_normal, &wo);
     }
 }
@@ -253,7 +261,8 @@ mod tests {
     use std::array::from_fn;
     use std::sync::Arc;
 
-    /// Meshes of two triangles: with normals, with textures, with both, and with neither.
+    /// Meshes of two triangles: without normals, with those of an edge, and with those of a smooth
+    /// surface, each with and without textures and coats.
     fn scene() -> Scene {
         let texels = (0..12).map(|i| [20 * i, 255 - 9 * i, 7 * i, 255]).collect();
         let texture = Arc::new(Texture::new(4, 3, texels));
@@ -268,18 +277,20 @@ mod tests {
             .collect();
         let mesh = |i: u32| Mesh {
             positions: [[0, 0, 0], [2, 0, 1], [2, 1, 0], [0, 2, 1]]
-                .map(|p| Vec3::from(p.map(|c| c as f32)) + Vec3::splat(i as f32))
+                .map(|[x, y, z]| Vec3::from([x, y, if i < 8 { z } else { 0 }].map(|c| c as f32)))
+                .map(|p| p + Vec3::splat(i as f32))
                 .to_vec(),
             normals: match i / 4 {
                 0 => vec![],
-                _ => (1..5).map(|k| Vec3::new(0.3, -0.9, 0.4 * k as f32).normalize()).collect(),
+                1 => (1..5).map(|k| Vec3::new(0.3, -0.9, 0.4 * k as f32).normalize()).collect(),
+                _ => (1..5).map(|k| Vec3::new(0.05 * k as f32, -0.1, 1.0).normalize()).collect(),
             },
             uvs: (0..4).map(|k| glam::Vec2::new(0.9 * k as f32, 0.3 * k as f32)).collect(),
             triangles: vec![[0, 1, 2], [2, 3, 0]],
             material: i % 4,
             ..Mesh::default()
         };
-        let arrangement = Arrangement::from((0..8).map(mesh).collect::<Vec<_>>());
+        let arrangement = Arrangement::from((0..12).map(mesh).collect::<Vec<_>>());
         let camera = Camera::look(Vec3::Z, -Vec3::Z, Vec3::Y, FieldOfView::X(60.0)).unwrap();
         Scene::new("any".into(), arrangement, materials, vec![], camera, vec![]).unwrap()
     }
@@ -296,7 +307,7 @@ mod tests {
             for lane in 0..LANES {
                 let [u, v] = rng.next_2d();
                 let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-                let (mesh, triangle) = (rng.next_u32() % 8, rng.next_u32() % 2);
+                let (mesh, triangle) = (rng.next_u32() % 12, rng.next_u32() % 2);
                 hits.set(lane, &Hit { t: 1.0, u, v, mesh, triangle });
                 directions.set(lane, uniform_sphere(rng.next_2d()));
             }

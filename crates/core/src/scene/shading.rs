@@ -13,7 +13,7 @@ pub(super) const GRAZING: f32 = 1e-3;
 /// Minimum cosine between the normals at the corners of a triangle and its own, 15 degrees, for
 /// which they stand for a smooth surface. Wider angles are the edges of coarse meshes: there images
 /// remain those of other renderers.
-const SMOOTH_COSINE: f32 = 0.966;
+pub(super) const SMOOTH_COSINE: f32 = 0.966;
 
 /// The BSDF where the normal `interpolated` between those of a triangle's corners shades a smooth
 /// surface. Paths lose the directions between both horizons. A Lambertian surface gets the factor
