@@ -91,7 +91,7 @@ fn textures_and_vertex_colors_change_the_share_that_they_belong_to() {
             ..material(sheet(0.3, 0.6))
         };
         let lights = scene.lights().emitters().to_vec();
-        let scene = crate::common::scene(vec![mesh], vec![own], lights, scene.camera.clone());
+        let scene = crate::common::scene(vec![mesh], vec![own], lights, scene.camera);
         for direct in [Direct::Connect, Direct::PhotonMap] {
             let settings = Settings { direct, light_paths: 20_000, ..settings(4, 4) };
             let mean = mean_luminance(&scene, &accel(&scene), settings, 60);

@@ -122,7 +122,7 @@ fn furnaces_of_smooth_spheres_have_the_radiance_of_flat_ones() {
     let camera = camera(Vec3::new(0.3, -0.2, 0.1), Vec3::X, 100.0);
     for albedo in [0.5, 0.9, 0.99] {
         let materials = vec![gray(albedo, 1.0 - albedo)];
-        let scene = scene(vec![wall.clone()], materials, vec![], camera.clone());
+        let scene = scene(vec![wall.clone()], materials, vec![], camera);
         let accel = accel(&scene);
         let merging = Settings {
             light_paths: 2000,

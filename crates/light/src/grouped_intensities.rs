@@ -113,7 +113,7 @@ impl GroupedIntensities {
         let (grid, last) = (self.grid(), self.rows() - 1);
         let is_first = |node: &usize| {
             let row = node / self.planes;
-            node % self.planes == 0 || row > 0 && row < last
+            node.is_multiple_of(self.planes) || row > 0 && row < last
         };
         let means = self.node_means();
         let mut nodes: Vec<usize> = (0..means.len()).filter(is_first).collect();

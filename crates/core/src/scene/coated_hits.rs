@@ -209,9 +209,9 @@ impl Scene {
             at.off_surface.set(lane, position + normal * triangle.offset[lane]);
             wo.set(lane, -direction);
             let w = 1.0 - u - v;
-            for axis in 0..2 {
+            for (axis, uv) in uv.iter_mut().enumerate() {
                 let (a, b) = (corner.a[axis][lane], corner.b[axis][lane]);
-                uv[axis][lane] = w * a + u * b + v * corner.c[axis][lane];
+                uv[lane] = w * a + u * b + v * corner.c[axis][lane];
             }
             let (a, b) = (corner.normal_a.get(lane), corner.normal_b.get(lane));
             let c = corner.normal_c.get(lane);
@@ -231,15 +231,15 @@ impl Scene {
             at.is_bent[lane] = is_bent;
             // theory.md (33a)
             let least = a.dot(own).min(b.dot(own)).min(c.dot(own));
-            let is_restored = is_smooth & !(coat.has_coat(lane) > 0.0) & (least >= SMOOTH_COSINE);
+            let is_restored = is_smooth & (coat.has_coat(lane) == 0.0) & (least >= SMOOTH_COSINE);
             let restored = 2.0 / (1.0 + smooth.dot(normal));
             restores[lane] = if is_restored { restored } else { 1.0 };
         }
         let mut textures = [None; LANES];
-        for lane in 0..count {
+        for (lane, own) in textures.iter_mut().enumerate().take(count) {
             let material = &self.materials[triangle.material[lane] as usize];
             if let Some(texture) = &material.albedo_texture {
-                textures[lane] = Some(&**texture);
+                *own = Some(&**texture);
             }
         }
         Texture::colors(&textures, &uv, &mut color);

@@ -86,6 +86,7 @@ impl Wrap {
 }
 
 /// [`Wrap::fold`] by the number of a wrapping, without a branch.
+#[expect(clippy::manual_clamp, reason = "coordinates that are not numbers get a texel, too")]
 #[inline(always)]
 fn folded(wrap: u32, x: f32) -> f32 {
     let repeated = (x - x.floor()).min(1.0);

@@ -242,8 +242,8 @@ impl SeenCoats {
         wo: &Vec3s,
     ) -> Self {
         let mut seen = Self { coats: *coats, ..Self::default() };
-        for lane in 0..LANES {
-            let reflects = front[lane] | coats.has(CoatedBase::TWO_SIDED, lane);
+        for (lane, front) in front.iter().enumerate() {
+            let reflects = front | coats.has(CoatedBase::TWO_SIDED, lane);
             let side = if reflects { 1.0 } else { 0.0 };
             let albedo = coats.albedo.get(lane) * color.get(lane) * side;
             let saturates = coats.saturates[lane];

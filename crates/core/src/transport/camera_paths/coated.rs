@@ -145,7 +145,7 @@ impl CameraPaths {
         partials: &[CameraPartial; LANES],
         states: &PathStates,
     ) {
-        for lane in 0..LANES {
+        for (lane, partial) in partials.iter().enumerate() {
             let (history, carried) = (states.history[lane], states.weight.get(lane));
             let vertex = history.diffuse() + 1;
             if !(at.active[lane] && pass.gathers_at(vertex) && at.bsdf.merges(lane)) {
@@ -167,7 +167,7 @@ impl CameraPaths {
                 let (at, transmits) = (at.vertex(lane), false);
                 self.views.push(GatherView { bsdf, at, interpolated, transmits });
                 self.gather_points.push(&point);
-                self.gather_points.set_earlier_merges(partials[lane].arrive(1.0));
+                self.gather_points.set_earlier_merges(partial.arrive(1.0));
                 continue;
             }
             let albedo = at.bsdf.albedo.get(lane);
@@ -175,7 +175,7 @@ impl CameraPaths {
             (point.weight, point.view) = (carried * albedo * FRAC_1_PI, GatherPoint::NO_VIEW);
             let light = Survival::LIGHT.lambertian(albedo.max_element());
             let camera = mis.camera_survival(vertex).lambertian(albedo.max_element());
-            let own = mis.balance.gather(vertex, partials[lane].arrive(light), camera);
+            let own = mis.balance.gather(vertex, partial.arrive(light), camera);
             self.gather_points.push(&point);
             self.gather_points.set_point_partials(own);
         }
@@ -203,7 +203,7 @@ impl CameraPaths {
         }
         let inverse_power = lights.total_power().recip();
         let (mut sum, mut caustic) = <(Vec3s, Vec3s)>::default();
-        for lane in 0..LANES {
+        for (lane, partial) in partials.iter().enumerate() {
             let number = states.history[lane].diffuse() + 1;
             let wi = light.wi.get(lane);
             let cos = wi.dot(at.shading_normal.get(lane)).abs();
@@ -217,8 +217,8 @@ impl CameraPaths {
             let value = wide.value.get(lane);
             let density = survivors(number, value.max_element(), wide.pdf_w[lane], cos);
             let rough_density = rough_density_of(rough.pdf_w[lane], cos);
-            let merges = partials[lane].arrive(back.wide[lane]);
-            let rough_merges = mis.balance.caustic_merges(&partials[lane]) * back.rough[lane];
+            let merges = partial.arrive(back.wide[lane]);
+            let rough_merges = mis.balance.caustic_merges(partial) * back.rough[lane];
             let weight = mis.balance.connection_weight(merges, l, density * hits);
             let rough_weight = mis.balance.connection_weight(rough_merges, l, rough_density * hits);
             // theory.md (42), third and fourth line

@@ -69,16 +69,15 @@ fn lobes_of_sixteen_are_those_of_one() {
         for _ in 0..200 {
             let vertices = from_fn(|_| vertex(&mut rng));
             let mut wi = Vec3s::default();
-            for lane in 0..LANES {
+            for (lane, at) in vertices.iter().enumerate() {
                 // Half of the directions are near the peak.
                 let any = uniform_sphere(rng.next_2d());
-                let mirrored = reflect(vertices[lane].wo, vertices[lane].normal);
+                let mirrored = reflect(at.wo, at.normal);
                 let near = (mirrored + 0.2 * any).normalize();
                 wi.set(lane, if lane % 2 == 0 { any } else { near });
             }
             let (wide, rough) = seen(&bsdf, &vertices).lobes(&wi);
-            for lane in 0..LANES {
-                let at = &vertices[lane];
+            for (lane, at) in vertices.iter().enumerate() {
                 let expected = bsdf.lobes(at, wi.get(lane));
                 if at.wo.dot(at.normal).abs().min(wi.get(lane).dot(at.normal).abs()) < 1e-3 {
                     continue; // cosines are rounded
