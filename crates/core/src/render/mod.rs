@@ -39,7 +39,7 @@ use crate::scene::lights::guide::Guide;
 use crate::scene::{Media, Scene, View};
 use crate::settings::combinations::{self, Asked};
 use crate::settings::{AllowedLightPaths, Kernel, MAX_LIGHT_PATHS, Settings};
-use crate::transport::area::Areas;
+use crate::transport::area::{Areas, CellWork};
 use crate::transport::clearance::Clearance;
 use crate::transport::kernel::MergeKernel;
 use crate::transport::light_paths::LightPaths;
@@ -455,6 +455,12 @@ impl Renderer {
     /// Whether the last iteration stored photons of [`PhotonClass::Caustic`].
     pub fn found_caustic_photons(&self) -> bool {
         self.photon_map.has_caustic_photons() || self.medium_photons.has_caustic_photons()
+    }
+
+    /// What the areas around gather points have taken so far, in this and in all renderers that
+    /// share them; nothing if the kernel is a disc.
+    pub fn area_work(&self) -> CellWork {
+        self.areas.as_ref().map_or(CellWork::default(), |areas| areas.work())
     }
 
     /// All blocks, in the order of their first iterations.

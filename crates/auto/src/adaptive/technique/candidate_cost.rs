@@ -1,6 +1,7 @@
 //! Finds the best counts of a technique at given radii, and predicts the error or time they lead
 //! to.
 
+use super::start_up::StartUp;
 use super::{Candidate, End, FreeParameters, Penalties, Technique};
 use crate::adaptive::count_choice::min_iterations_after_choice;
 use crate::adaptive::denoised_noise::left_by_denoiser;
@@ -59,6 +60,15 @@ pub struct ClassBias {
     pub outer: Coefficients,
 }
 
+/// What an image takes at some radii.
+#[derive(Clone, Copy, Debug)]
+pub struct RenderTime {
+    /// Times of an iteration.
+    pub times: TimeModel,
+    /// Time to compute these areas; `None` without areas.
+    pub start_up: Option<StartUp>,
+}
+
 /// The best counts of a technique at some radii, and the error and time that they lead to.
 #[derive(Clone, Copy, Debug)]
 pub struct Best {
@@ -91,7 +101,7 @@ impl CandidateCost {
     pub fn evaluate(
         &self,
         coefficients: &Coefficients,
-        times: &TimeModel,
+        RenderTime { times, start_up }: &RenderTime,
         merged: &ByClass<ClassBias>,
         radii: ByClass<f64>,
     ) -> Best {
@@ -126,7 +136,13 @@ impl CandidateCost {
                     bias: parts[0].bias + parts[1].bias,
                 }
             };
-            let (seconds, left) = self.time_and_error(tau, variance, error_at);
+            // Each process computes the areas that its own camera paths need.
+            let start_up = |seconds: f64| {
+                let ranks = f64::from(self.ranks);
+                let camera_paths = n_camera * times.pixels * seconds / (tau * ranks);
+                start_up.map_or(0.0, |own| ranks * own.seconds(camera_paths))
+            };
+            let (seconds, left) = self.time_and_error(tau, variance, start_up, error_at);
             let own = Best {
                 radii,
                 medium_scale: self.medium_scale,
@@ -148,21 +164,27 @@ impl CandidateCost {
     }
 
     /// Seconds to the end, and the error there, from the time of an iteration and its variance.
-    /// `error_at` is the error after that variance has fallen to a share.
+    /// `start_up` is the part of a time that goes to areas, and `error_at` the error after that
+    /// variance has fallen to a share. theory.md (93k)
     fn time_and_error(
         &self,
         tau: f64,
         variance: f64,
+        start_up: impl Fn(f64) -> f64,
         error_at: impl Fn(f64) -> SquaredError,
     ) -> (f64, SquaredError) {
         match self.end {
-            End::Time(time) => (time, error_at(tau / time)),
+            End::Time(time) => {
+                // An image has at least one iteration.
+                let iterating = (time - start_up(time)).max(tau.min(time));
+                (time, error_at(tau / iterating))
+            }
             End::Error(error) => {
                 let share = share_for(error * error, &error_at);
                 let share = share.max(MIN_NOISE_SHARE * error * error / variance);
                 // theory.md (91)
                 let seconds = (tau / share).max(MIN_ITERATIONS_TO_TARGET as f64 * tau);
-                (seconds, error_at(share))
+                (seconds + start_up(seconds), error_at(share))
             }
         }
     }
@@ -172,12 +194,12 @@ impl CandidateCost {
         &self,
         technique: Technique,
         image: &Coefficients,
-        times: &TimeModel,
+        time: &RenderTime,
         merged: &ByClass<ClassBias>,
         radii: ByClass<f64>,
     ) -> Best {
         let counts = self.noise_that_counts(technique, *image);
-        let best = self.evaluate(&counts, times, merged, radii);
+        let best = self.evaluate(&counts, time, merged, radii);
         let variance = |own: &Coefficients| {
             own.clamped().variance(best.light_paths, f64::from(best.camera_paths))
         };
@@ -301,12 +323,18 @@ impl Best {
 pub mod tests {
     use super::*;
     use crate::adaptive::count_choice::MIN_ITERATIONS_AFTER_CHOICE;
+    use crate::adaptive::technique::start_up::tests::constant;
     use bdpm_core::settings::{Direct, Kernel, Strategy};
 
     /// Times of an iteration for the tests of this folder.
     pub fn times() -> TimeModel {
         let (light_path, camera_path, look_up, merge_pair) = (2e-7, 5e-7, 1e-8, 1e-12);
         TimeModel { fixed: 1e-4, light_path, camera_path, look_up, merge_pair, pixels: 1e4 }
+    }
+
+    /// These times without a start-up.
+    pub fn time() -> RenderTime {
+        RenderTime { times: times(), start_up: None }
     }
 
     /// A demand in which everything is open.
@@ -338,7 +366,7 @@ pub mod tests {
         let seconds = 100.0;
         for denoises in [false, true] {
             let demand = CandidateCost { denoises, ..demand(End::Time(seconds)) };
-            let best = demand.evaluate_image(technique, &image, &times(), &merged, [1.0; 2]);
+            let best = demand.evaluate_image(technique, &image, &time(), &merged, [1.0; 2]);
             let (n_light, n_camera) = (best.light_paths, f64::from(best.camera_paths));
             let share = times().iteration(n_light, n_camera) / seconds;
             let expected = (share * image.variance(n_light, n_camera)).sqrt();
@@ -353,7 +381,7 @@ pub mod tests {
         let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
         let mut merged = <ByClass<ClassBias>>::default();
         merged[LAST].square = 1e-5;
-        let at = |end| demand(end).evaluate(&coefficients, &times(), &merged, [1.0; 2]);
+        let at = |end| demand(end).evaluate(&coefficients, &time(), &merged, [1.0; 2]);
         let best = at(End::Time(100.0));
         let mut least = f64::INFINITY;
         for n_camera in CAMERA_STEPS {
@@ -374,5 +402,32 @@ pub mod tests {
         let error = (best.noise2 + best.bias2).sqrt();
         let back = at(End::Error(error));
         assert!(back.seconds <= 100.0 * (1.0 + 1e-9) && back.seconds > 95.0, "{back:?}");
+    }
+
+    #[test]
+    fn start_up_leaves_less_time_for_iterations() {
+        let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
+        let merged = <ByClass<ClassBias>>::default();
+        let with = |end, seconds: f64, ranks| {
+            let time = RenderTime { start_up: Some(constant(seconds)), ..time() };
+            let demand = CandidateCost { ranks, ..demand(end) };
+            demand.evaluate(&coefficients, &time, &merged, [1.0; 2])
+        };
+        let plain = with(End::Time(100.0), 0.0, 1);
+        let quarter = with(End::Time(100.0), 25.0, 1);
+        assert!((quarter.noise2 * 0.75 / plain.noise2 - 1.0).abs() < 1e-9, "{quarter:?} {plain:?}");
+        // Each of two processes has its own start-up.
+        let shared = with(End::Time(100.0), 12.5, 2);
+        let alone = with(End::Time(100.0), 0.0, 2);
+        assert!((shared.noise2 * 0.75 / alone.noise2 - 1.0).abs() < 1e-9, "{shared:?} {alone:?}");
+        // An error is reached later by as much.
+        let error = End::Error(plain.noise2.sqrt());
+        let [early, late] = [0.0, 25.0].map(|seconds| with(error, seconds, 1).seconds);
+        assert!((late - early - 25.0).abs() < 1e-6, "{early} {late}");
+        // A start-up beyond the time leaves the noise of an iteration, not less.
+        let endless = with(End::Time(100.0), 1e6, 1);
+        let tau = times().iteration(endless.light_paths, f64::from(endless.camera_paths));
+        let iteration = coefficients.variance(endless.light_paths, f64::from(endless.camera_paths));
+        assert!(tau < 100.0 && (endless.noise2 / iteration - 1.0).abs() < 1e-9, "{endless:?}");
     }
 }

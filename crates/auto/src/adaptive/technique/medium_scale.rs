@@ -5,7 +5,7 @@
 //! measures their bias alone. theory.md (93j)
 
 use super::bias_law::{BiasLaw, BiasPrior};
-use super::candidate_cost::{Best, CandidateCost, ClassBias};
+use super::candidate_cost::{Best, CandidateCost, ClassBias, RenderTime};
 use super::model::{ImageScale, Model};
 use super::pilot::{Finalist, Pilot};
 use super::trial::Trial;
@@ -162,11 +162,12 @@ impl Pilot<'_> {
         let [small, large] = &trials;
         let scales = ScaleModel::new(model, best, [small, large], weights, self.scale());
         let at = |scale: f64| {
-            let (coefficients, times) = (scales.coefficients(scale), scales.times(scale));
+            let coefficients = scales.coefficients(scale);
+            let time = RenderTime { times: scales.times(scale), start_up: model.start_up };
             let merged = scales.merged(scale);
             let demand = CandidateCost { medium_scale: scale, ..self.demand };
             let mut own =
-                demand.evaluate_image(model.technique, &coefficients, &times, &merged, best.radii);
+                demand.evaluate_image(model.technique, &coefficients, &time, &merged, best.radii);
             own.tried = best.tried;
             own
         };

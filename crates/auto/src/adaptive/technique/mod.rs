@@ -17,6 +17,7 @@ mod penalties;
 mod pilot;
 mod revision;
 mod seen_surfaces;
+mod start_up;
 mod trial;
 mod trial_runner;
 

@@ -8,7 +8,8 @@
 
 use super::Technique;
 use super::bias_law::{BiasLaw, BiasPrior};
-use super::candidate_cost::{Best, CandidateCost, ClassBias};
+use super::candidate_cost::{Best, CandidateCost, ClassBias, RenderTime};
+use super::start_up::StartUp;
 use super::trial::Trial;
 use crate::adaptive::stopping::PILOT_SPREAD;
 use crate::timing::TimeModel;
@@ -69,6 +70,9 @@ pub struct Model {
     footprint: f64,
     /// Times of an iteration, with the time per pair divided by the squared lookup radius.
     times: TimeModel,
+    /// Start-up of the image: that of the first trial, because smaller spheres have more cells with
+    /// fewer triangles in each.
+    pub start_up: Option<StartUp>,
 }
 
 /// What the iterations of an image have measured of its technique.
@@ -133,6 +137,7 @@ impl Model {
             is_one_trial: trials.len() == 1,
             footprint,
             times: mean_times(trials),
+            start_up: trials[0].start_up,
         }
     }
 
@@ -165,9 +170,11 @@ impl Model {
         self.merged(radii).iter().map(|class| class.square.max(0.0)).sum()
     }
 
-    fn times(&self, radii: ByClass<f64>) -> TimeModel {
+    fn time(&self, radii: ByClass<f64>) -> RenderTime {
         let reach = radii[EVERY].max(radii[LAST]);
-        TimeModel { merge_pair: self.times.merge_pair * reach * reach, ..self.times }
+        let merge_pair = self.times.merge_pair * reach * reach;
+        let times = TimeModel { merge_pair, ..self.times };
+        RenderTime { times, start_up: self.start_up }
     }
 
     /// The best radii and counts.
@@ -210,7 +217,7 @@ impl Model {
                 let own = demand.evaluate_image(
                     self.technique,
                     &self.coefficients(radii),
-                    &self.times(radii),
+                    &self.time(radii),
                     &self.merged(radii),
                     radii,
                 );
@@ -275,7 +282,7 @@ impl Model {
         };
         let merged = self.merged(radii);
         let mut best =
-            demand.evaluate_image(self.technique, &coefficients, &trial.times, &merged, radii);
+            demand.evaluate_image(self.technique, &coefficients, &trial.time(), &merged, radii);
         best.tried = true;
         best
     }
@@ -377,6 +384,7 @@ mod tests {
             is_one_trial: false,
             footprint: 0.1,
             times: times(),
+            start_up: None,
         };
         let radius = |time| model.best(&demand(End::Time(time))).radii[LAST];
         let radii = [1.0, 100.0, 1e4].map(radius);

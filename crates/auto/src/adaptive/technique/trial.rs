@@ -1,6 +1,8 @@
 //! The result of a trial, which measures one technique at given radii on a sample of the pixels:
 //! noise, merge bias and times.
 
+use super::candidate_cost::RenderTime;
+use super::start_up::StartUp;
 use crate::timing::TimeModel;
 use bdpm_core::noise::Coefficients;
 use bdpm_core::noise::image::NoiseImage;
@@ -20,6 +22,8 @@ pub struct Trial {
     pub noise: NoiseImage,
     /// Times of an iteration of the whole image.
     pub times: TimeModel,
+    /// Start-up of the whole image at these radii; `None` without areas.
+    pub start_up: Option<StartUp>,
     /// Second moment of the contribution of a light path to a camera path, relative, if photons
     /// were spread evenly over all surfaces.
     pub even: f64,
@@ -32,6 +36,11 @@ pub struct Trial {
 }
 
 impl Trial {
+    /// What the whole image takes at these radii.
+    pub fn time(&self) -> RenderTime {
+        RenderTime { times: self.times, start_up: self.start_up }
+    }
+
     /// Mean luminance of the sample, W/(m^2 sr).
     pub fn luminance(&self) -> f64 {
         let pixels = &self.noise.pixels;

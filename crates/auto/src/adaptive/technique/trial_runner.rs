@@ -2,6 +2,7 @@
 
 use super::Guided;
 use super::seen_surfaces::{footprint, merging_area};
+use super::start_up::CellGrowth;
 use super::trial::Trial;
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
@@ -83,6 +84,8 @@ pub struct TrialRunner<'a> {
     scene: &'a Scene,
     /// One renderer for each lookup radius so far. Trials of equal lookup radius share its areas.
     renderers: Vec<Renderer>,
+    /// Cells that the trials of each of them needed.
+    growths: Vec<CellGrowth>,
     /// The sample has one pixel of each square of this many by this many pixels.
     stride: u32,
     /// Where light paths of trials start.
@@ -128,6 +131,7 @@ impl<'a> TrialRunner<'a> {
             whole: renderer.with_settings(Settings { guide: 0, ..settings.clone() })?,
             scene,
             renderers: vec![renderer.sample(Settings { guide: 0, ..settings.clone() }, stride)?],
+            growths: vec![CellGrowth::default()],
             stride,
             guide: renderer.guide().cloned(),
             per_path,
@@ -177,10 +181,12 @@ impl<'a> TrialRunner<'a> {
     ) -> Result<Trial> {
         let begun = Instant::now();
         let settings = self.settings_of_trial(settings, nests);
-        let renderer = self.renderer(settings.clone())?.guided(self.guide.clone());
+        let known = self.with_areas_of(&settings)?;
+        let renderer = self.renderers[known].sample(settings.clone(), self.stride)?;
+        let renderer = renderer.guided(self.guide.clone());
         let batches = RenderConfig::with_pixel_batches();
         let mut renderer = renderer.configure(RenderConfig { nested_part: nests, ..batches })?;
-        let photons = measure_noise(&mut renderer, begun, seconds)?;
+        let photons = measure_noise(&mut renderer, begun, seconds, &mut self.growths[known])?;
         let noise = renderer.block().noise_image()?;
         let has_caustic_photons = renderer.found_caustic_photons();
         let pixels = f64::from(noise.width * noise.height);
@@ -191,6 +197,9 @@ impl<'a> TrialRunner<'a> {
             nests,
             noise,
             times: TimeModel { pixels: self.pixels, ..model },
+            start_up: self.growths[known]
+                .start_up(rayon::current_num_threads())
+                .filter(|_| settings.has_photons()),
             even: self.even(&settings, photons),
             missed: Coefficients::default(),
             merges: settings.has_photons(),
@@ -263,9 +272,17 @@ impl<'a> TrialRunner<'a> {
     }
 }
 
-/// Measures the noise in the first part of a trial of `seconds` that has begun. Returns the mean
-/// number of photons of an iteration.
-fn measure_noise(renderer: &mut Renderer, begun: Instant, seconds: f64) -> Result<f64> {
+/// Measures the noise in the first part of a trial of `seconds` that has begun, and the cells that
+/// it needs. Returns the mean number of photons of an iteration.
+fn measure_noise(
+    renderer: &mut Renderer,
+    begun: Instant,
+    seconds: f64,
+    growth: &mut CellGrowth,
+) -> Result<f64> {
+    let settings = renderer.settings();
+    let camera_paths = settings.pixels() as f64 * f64::from(settings.camera_paths);
+    let has_photons = settings.has_photons();
     let elapsed = || begun.elapsed().as_secs_f64();
     let (mut iterations, mut photons) = (0, 0);
     let measuring = TRIAL_MEASURING * seconds;
@@ -273,7 +290,11 @@ fn measure_noise(renderer: &mut Renderer, begun: Instant, seconds: f64) -> Resul
         || iterations < TRIAL_ITERATIONS && elapsed() < TRIAL_PATIENCE * measuring
         || iterations < 2
     {
+        let work_before = renderer.area_work();
         photons += renderer.iterate(Measure::Pairs).photons;
+        if has_photons {
+            growth.add(iterations as usize, camera_paths, renderer.area_work().since(work_before));
+        }
         renderer.check_interrupt()?;
         iterations += 1;
     }
@@ -294,16 +315,16 @@ impl<'a> TrialRunner<'a> {
         brightest_path(self.scene)
     }
 
-    /// A renderer of the sample that shares areas with an earlier one of the same lookup radius,
-    /// because trials see mostly the same surfaces.
-    fn renderer(&mut self, settings: Settings) -> Result<Renderer> {
+    /// Index of the renderer with the lookup radius of these settings. Trials share its areas,
+    /// because they see mostly the same surfaces.
+    fn with_areas_of(&mut self, settings: &Settings) -> Result<usize> {
         let reach = settings.reach();
-        if let Some(same) = self.renderers.iter().find(|known| known.settings().reach() == reach) {
-            return same.sample(settings, self.stride);
+        if let Some(same) = self.renderers.iter().position(|own| own.settings().reach() == reach) {
+            return Ok(same);
         }
-        let new = self.renderers[0].sample(settings.clone(), self.stride)?;
-        self.renderers.push(new);
-        self.renderer(settings)
+        self.renderers.push(self.renderers[0].sample(settings.clone(), self.stride)?);
+        self.growths.push(CellGrowth::default());
+        Ok(self.renderers.len() - 1)
     }
 
     /// Second moment if photons were spread evenly over all surfaces: a light path leaves `photons`
@@ -353,7 +374,7 @@ mod tests {
     use super::*;
     use crate::adaptive::technique::trial::BIAS_TOLERANCE;
     use bdpm_core::scene::backend::{Backend, build};
-    use bdpm_core::settings::{Direct, Strategy};
+    use bdpm_core::settings::{Direct, Kernel, Strategy};
     use bdpm_core::transport::photon::PhotonClass;
     use bdpm_load::load;
 
@@ -412,6 +433,36 @@ mod tests {
                 _ => [missing.b, missing.f],
             };
             assert!(less == 0.0 && (more / expected - 1.0).abs() < 1e-9, "{missing:?} {expected}");
+        }
+    }
+
+    /// Areas are computed for merges alone. Later trials at the same radii find them computed, and
+    /// still know what an image would need.
+    #[test]
+    fn trials_know_the_start_up_of_areas() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/cornell-box-classic");
+        let loaded = load(folder).unwrap();
+        let own = Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
+        let own = Settings { width: 64, height: 64, light_paths: 4000, ..own.unwrap() };
+        let accel = build(Backend::Bvh, &loaded.scene).unwrap();
+        for kernel in [Kernel::Area, Kernel::Disc] {
+            let own = Settings { kernel, merge_vertex: 2, ..own.clone() };
+            let renderer = Renderer::new(&loaded.scene, &accel, own.clone()).unwrap();
+            let mut runner = TrialRunner::new(&renderer, 0.0).unwrap();
+            let mut start_up = |strategy| {
+                let trial = runner.trial(&Settings { strategy, ..own.clone() }, None, 0.0).unwrap();
+                trial.start_up
+            };
+            assert_eq!(start_up(Strategy::Path), None);
+            let both = [Strategy::CutMis, Strategy::Mis].map(&mut start_up);
+            assert!(both.iter().all(|known| known.is_some() == (kernel == Kernel::Area)));
+            let [Some(first), Some(second)] = both else { continue };
+            for own in [first, second] {
+                let [few, many] = [1e4, 1e7].map(|camera_paths| own.seconds(camera_paths));
+                assert!(few > 0.0 && few <= many && many < 1e3 * few, "{own:?}");
+            }
+            let [first, second] = [first, second].map(|own| own.seconds(1e5));
+            assert!(second > 0.5 * first, "{first} {second}");
         }
     }
 }

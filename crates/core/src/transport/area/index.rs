@@ -12,8 +12,9 @@ use crate::simd::dispatch::vectorized;
 use crate::simd::{LANES, Mask, Vec3s, lanes_of};
 use glam::Vec3;
 use std::f32::consts::PI;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
 
 /// Lower bound of an area, as a share of the disc's.
 pub const MIN_SHARE: f32 = 0.05;
@@ -32,11 +33,49 @@ pub struct Areas {
     /// Patch of each side of each triangle, in chunks.
     patches: Box<[OnceLock<Chunk>]>,
     kept: AtomicUsize,
+    work: WorkCounter,
     budget: usize,
     /// How often the radius was halved.
     level: u8,
     /// Areas for half the radius, once a point needs them.
     finer: OnceLock<Box<Self>>,
+}
+
+/// Cells that were computed and kept, and the thread time that this took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CellWork {
+    /// Number of cells, of all levels.
+    pub cells: u64,
+    /// Time, summed over threads.
+    pub time: Duration,
+}
+
+impl CellWork {
+    /// What was added to the work of an earlier moment.
+    #[must_use]
+    pub fn since(self, earlier: Self) -> Self {
+        Self { cells: self.cells - earlier.cells, time: self.time - earlier.time }
+    }
+}
+
+/// [`CellWork`] that any number of threads add to.
+#[derive(Debug, Default)]
+struct WorkCounter {
+    cells: AtomicU64,
+    nanoseconds: AtomicU64,
+}
+
+impl WorkCounter {
+    /// One more cell is known, which took the time since `begun`.
+    fn add(&self, begun: Instant) {
+        self.cells.fetch_add(1, Relaxed);
+        self.nanoseconds.fetch_add(begun.elapsed().as_nanos() as u64, Relaxed);
+    }
+
+    fn total(&self) -> CellWork {
+        let time = Duration::from_nanos(self.nanoseconds.load(Relaxed));
+        CellWork { cells: self.cells.load(Relaxed), time }
+    }
 }
 
 /// Areas at sixteen points.
@@ -106,6 +145,7 @@ impl Areas {
             radius,
             patches: (0..facets.div_ceil(CHUNK)).map(|_| OnceLock::new()).collect(),
             kept: AtomicUsize::new(0),
+            work: WorkCounter::default(),
             budget,
             level,
             finer: OnceLock::new(),
@@ -156,6 +196,13 @@ impl Areas {
             fixed: own.fixed + size_of_val(&*self.patches),
             kept: own.kept + finer.kept,
         })
+    }
+
+    /// Cells that queries have computed and kept so far.
+    pub fn work(&self) -> CellWork {
+        let own = self.work.total();
+        let finer = self.finer.get().map_or(CellWork::default(), |finer| finer.work());
+        CellWork { cells: own.cells + finer.cells, time: own.time + finer.time }
     }
 
     /// Areas in spheres of these radii around points, or in smaller ones where too much is in
@@ -309,8 +356,10 @@ impl Areas {
         let cell = match grid.known(index).get() {
             Some(cell) => cell,
             None if self.has_room() => grid.known(index).get_or_init(|| {
+                let begun = Instant::now();
                 let cell = make();
                 self.kept.fetch_add(cell.bytes(), Relaxed);
+                self.work.add(begun);
                 cell
             }),
             None => {

@@ -45,6 +45,6 @@ mod tags;
 mod neighbors;
 
 pub use domain::{Domain, MAX_LEVEL};
-pub use index::{Areas, Memory, PointAreas, Query};
+pub use index::{Areas, CellWork, Memory, PointAreas, Query};
 pub use lit_sides::{Marks, Sides};
 pub use surfaces::{Hole, Surfaces};
