@@ -227,6 +227,13 @@ fn mitsuba_materials_are_converted() {
         ),
         sheet(Vec3::new(0.6, 0.0, 0.0), Vec3::new(0.0, 0.1, 0.0))
     );
+    assert_eq!(
+        look(
+            "<bsdf type='principledthin'><rgb name='base_color' value='0.8, 0.4, 0'/>\
+             <float name='diff_trans' value='0.5'/></bsdf>"
+        ),
+        sheet(Vec3::new(0.6, 0.3, 0.0), Vec3::new(0.2, 0.1, 0.0))
+    );
     let default = PrincipledParameters { two_sided: false, ..PrincipledParameters::default() };
     assert_eq!(look("<bsdf type='principled'/>"), Bsdf::Principled(Principled::new(default)));
     let Bsdf::Principled(surface) = look(
@@ -282,7 +289,12 @@ fn approximations_and_omissions_are_warnings() {
         (
             "<bsdf type='principledthin'><float name='diff_trans' value='1'/></bsdf>",
             WarningKind::Skipped,
-            "only the reflection of diffuse light",
+            "left out sheen and retroreflection",
+        ),
+        (
+            "<bsdf type='principledthin'><float name='spec_trans' value='0.3'/></bsdf>",
+            WarningKind::Skipped,
+            "left out the clear transmission",
         ),
         ("<bsdf type='plastic'/>", WarningKind::Skipped, "shows both sides"),
         ("<bsdf type='velvet'/>", WarningKind::Skipped, "`velvet`"),

@@ -88,8 +88,8 @@ impl ShareTexture {
     }
 }
 
-/// The principled BSDF of thin sheets: clear glass, or a base whose transmission of diffuse light
-/// is left out.
+/// The principled BSDF of thin sheets: clear glass, a Lambertian sheet that transmits diffusely, or
+/// a base alone.
 pub(super) fn thin(object: &Object, paints: &mut Paints) -> Result<Look> {
     let paint = paints.share(object, "base_color", Rgb::splat(0.5))?;
     let mut number = |name: &str, default: f32, [low, high]: [f32; 2]| {
@@ -112,8 +112,14 @@ pub(super) fn thin(object: &Object, paints: &mut Paints) -> Result<Look> {
         paints.skipped("used a clear sheet for", object);
         return Ok(Look::sheet(eta, paint.mean()));
     }
-    if share < 1.0 {
-        paints.skipped("used only the reflection of diffuse light of", object);
+    if crossing > 0.0 {
+        paints.skipped("left out the clear transmission of", object);
+    }
+    let transmitted = (1.0 - crossing) * (1.0 - reflected);
+    if transmitted > 0.0 {
+        paints.skipped("left out sheen and retroreflection of the sheet", object);
+        let part = |share: f32| Paint { color: paint.color * share, ..paint.clone() };
+        return Ok(Look::translucent(part(share), part(transmitted)).0);
     }
     let bsdf = |color| {
         let base_color = color * share;
