@@ -160,8 +160,8 @@ impl Judgment {
 ///   the `resolution` (width, height), pixels.
 /// - `threads`, `accel`: as for `bdpm.render`.
 ///
-/// Ctrl-C raises KeyboardInterrupt. Raises bdpm.Error if an image is smaller than 8 by 8 pixels, has
-/// values that are not finite, or if both images are equal or differ in size.
+/// Ctrl-C raises KeyboardInterrupt. Raises bdpm.Error if an image is smaller than 8 by 8 pixels,
+/// has values that are not finite, or if both images are equal or differ in size.
 #[pyfunction]
 #[pyo3(signature = (
     image, scene, *, second=None, time=None, precision=DEFAULT_PRECISION, seed=None, resolution=None, crop=None,

@@ -170,8 +170,8 @@ pub fn uniform_sphere([u, v]: [f32; 2]) -> Vec3 {
     Vec3::new(r * cos, r * sin, z)
 }
 
-/// Two unit vectors that are orthogonal to each other and to a unit normal (Duff et al. 2017); those
-/// of `glam`, whose function may remain a call.
+/// Two unit vectors that are orthogonal to each other and to a unit normal (Duff et al. 2017);
+/// those of `glam`, whose function may remain a call.
 #[inline(always)] // part of vector loops
 fn orthonormal_pair(n: Vec3) -> (Vec3, Vec3) {
     let sign = 1.0_f32.copysign(n.z);

@@ -14,6 +14,7 @@ use crate::simd::dispatch::{Simd, transpose_rows};
 use crate::simd::{LANES, Mask, Vec3s, lanes_of};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
+use std::sync::Arc;
 
 /// Up to sixteen hits of triangles.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -133,9 +134,27 @@ pub(super) fn coated_base(material: &Material) -> CoatedBase {
     if is_plain { CoatedBase::of(&material.bsdf) } else { CoatedBase::default() }
 }
 
-/// Hits of this placement may be shaded by [`Scene::coated_vertices`]: it has no transform, and
-/// its mesh no colors.
-pub(super) fn is_plain(placement: &Placement, mesh: &Mesh) -> bool {
+/// What [`Scene::coated_vertices`] reads.
+#[derive(Clone, Debug)]
+pub(super) struct Coated {
+    /// For each material its base and coat.
+    bases: Arc<[CoatedBase]>,
+    /// For each placement whether its hits may be shaded, if its material may.
+    is_plain: Arc<[bool]>,
+}
+
+impl Coated {
+    pub fn new(materials: &[Material], placements: &[Placement], meshes: &[Mesh]) -> Self {
+        let plain = |placed: &Placement| is_plain(placed, &meshes[placed.mesh as usize]);
+        Self {
+            bases: materials.iter().map(coated_base).collect(),
+            is_plain: placements.iter().map(plain).collect(),
+        }
+    }
+}
+
+/// A placement has no transform, and its mesh no colors.
+fn is_plain(placement: &Placement, mesh: &Mesh) -> bool {
     placement.transform.is_none() && mesh.colors.is_empty()
 }
 
@@ -154,7 +173,7 @@ impl Scene {
     /// [`Self::coated_vertices`] can shade.
     #[inline(always)] // part of the loop over vertices
     pub fn plain_placements(&self, hits: &HitPacket, lanes: u32) -> u32 {
-        let is_plain = |lane: usize| self.is_plain[hits.mesh[lane] as usize];
+        let is_plain = |lane: usize| self.coated.is_plain[hits.mesh[lane] as usize];
         lanes_of(lanes).fold(0, |all, lane| all | u32::from(is_plain(lane)) << lane)
     }
 
@@ -167,39 +186,96 @@ impl Scene {
         directions: &Vec3s,
         hits: &CoatedHits,
         count: usize,
-        seen: &mut CoatedScratch,
+        scratch: &mut CoatedScratch,
         at: &mut CoatedVertices,
+    ) {
+        self.read_coated(simd, hits, count, scratch);
+        let seen = scratch.seen_sides(directions, hits, count, at);
+        let (mut textures, mut color) = ([None; LANES], Vec3s::default());
+        for (lane, own) in textures.iter_mut().enumerate().take(count) {
+            let material = &self.materials[at.material[lane] as usize];
+            if let Some(texture) = &material.albedo_texture {
+                *own = Some(&**texture);
+            }
+        }
+        Texture::colors(&textures, &seen.uv, &mut color);
+        for (lane, restores) in seen.restores.into_iter().enumerate() {
+            color.set(lane, color.get(lane) * restores);
+        }
+        let SeenSides { front, wo, .. } = &seen;
+        at.bsdf = SeenCoats::new(&scratch.coats, &color, front, &at.shading_normal, wo);
+    }
+
+    /// Reads the data of the first `count` hits.
+    #[inline(always)]
+    fn read_coated(
+        &self,
+        simd: Simd,
+        hits: &CoatedHits,
+        count: usize,
+        scratch: &mut CoatedScratch,
     ) {
         let no_corners = Corners::default();
         // Lanes without a hit read the first triangle.
         let mut triangles = [&self.triangles[0]; LANES];
-        let mut coats = [&self.coated[0]; LANES];
+        let mut coats = [&self.coated.bases[0]; LANES];
         let mut corners = [&no_corners; LANES];
         for lane in 0..count {
             let first = self.first_triangle[hits.mesh[lane] as usize];
             let triangle = &self.triangles[(first + hits.triangle[lane]) as usize];
             triangles[lane] = triangle;
-            coats[lane] = &self.coated[triangle.material as usize];
+            coats[lane] = &self.coated.bases[triangle.material as usize];
             if (triangle.corners as usize) < self.corners.len() {
                 corners[lane] = &self.corners[triangle.corners as usize];
             }
         }
-        let CoatedScratch { triangle, corners: corner, coats: coat } = seen;
-        transpose_rows(simd, &triangles, triangle);
-        transpose_rows(simd, &corners, corner);
-        transpose_rows(simd, &coats, coat);
-        let (mut wo, mut color) = <(Vec3s, Vec3s)>::default();
-        let mut uv = [[0.0; LANES]; 2];
-        let (mut front, mut restores) = (Mask::default(), [1.0; LANES]);
+        transpose_rows(simd, &triangles, &mut scratch.triangle);
+        transpose_rows(simd, &corners, &mut scratch.corners);
+        transpose_rows(simd, &coats, &mut scratch.coats);
+    }
+}
+
+/// What textures and BSDFs need of the sides that are seen.
+#[derive(Clone, Copy, Debug)]
+struct SeenSides {
+    front: Mask,
+    /// Unit vectors back along the rays.
+    wo: Vec3s,
+    /// Texture coordinates.
+    uv: [[f32; LANES]; 2],
+    /// Factors that restore the light that smooth normals lose.
+    restores: [f32; LANES],
+}
+
+impl Default for SeenSides {
+    #[inline(always)]
+    fn default() -> Self {
+        let (front, wo) = (Mask::default(), Vec3s::default());
+        Self { front, wo, uv: [[0.0; LANES]; 2], restores: [1.0; LANES] }
+    }
+}
+
+impl CoatedScratch {
+    /// Sets positions and normals of `at`.
+    #[inline(always)]
+    fn seen_sides(
+        &self,
+        directions: &Vec3s,
+        hits: &CoatedHits,
+        count: usize,
+        at: &mut CoatedVertices,
+    ) -> SeenSides {
+        let Self { triangle, corners: corner, coats: coat } = self;
+        let mut seen = SeenSides::default();
         for lane in 0..LANES {
             at.active[lane] = lane < count;
             let direction = directions.get(lane);
             let own = triangle.normal.get(lane);
-            front[lane] = own.dot(direction) <= 0.0;
+            seen.front[lane] = own.dot(direction) <= 0.0;
             at.mesh[lane] = hits.mesh[lane];
-            at.side[lane] = TriangleSide::new(0, hits.triangle[lane], front[lane]).side;
+            at.side[lane] = TriangleSide::new(0, hits.triangle[lane], seen.front[lane]).side;
             at.material[lane] = triangle.material[lane];
-            let side = if front[lane] { 1.0 } else { -1.0 };
+            let side = if seen.front[lane] { 1.0 } else { -1.0 };
             let normal = own * side;
             let (u, v) = (hits.u[lane], hits.v[lane]);
             let (edge1, edge2) = (triangle.edge1.get(lane), triangle.edge2.get(lane));
@@ -207,9 +283,9 @@ impl Scene {
             at.position.set(lane, position);
             at.normal.set(lane, normal);
             at.off_surface.set(lane, position + normal * triangle.offset[lane]);
-            wo.set(lane, -direction);
+            seen.wo.set(lane, -direction);
             let w = 1.0 - u - v;
-            for (axis, uv) in uv.iter_mut().enumerate() {
+            for (axis, uv) in seen.uv.iter_mut().enumerate() {
                 let (a, b) = (corner.a[axis][lane], corner.b[axis][lane]);
                 uv[lane] = w * a + u * b + v * corner.c[axis][lane];
             }
@@ -233,20 +309,9 @@ impl Scene {
             let least = a.dot(own).min(b.dot(own)).min(c.dot(own));
             let is_restored = is_smooth & (coat.has_coat(lane) == 0.0) & (least >= SMOOTH_COSINE);
             let restored = 2.0 / (1.0 + smooth.dot(normal));
-            restores[lane] = if is_restored { restored } else { 1.0 };
+            seen.restores[lane] = if is_restored { restored } else { 1.0 };
         }
-        let mut textures = [None; LANES];
-        for (lane, own) in textures.iter_mut().enumerate().take(count) {
-            let material = &self.materials[triangle.material[lane] as usize];
-            if let Some(texture) = &material.albedo_texture {
-                *own = Some(&**texture);
-            }
-        }
-        Texture::colors(&textures, &uv, &mut color);
-        for (lane, restores) in restores.into_iter().enumerate() {
-            color.set(lane, color.get(lane) * restores);
-        }
-        at.bsdf = SeenCoats::new(coat, &color, &front, &at.shading_normal, &wo);
+        seen
     }
 }
 
@@ -256,10 +321,10 @@ mod tests {
     use crate::accel::{Hit, Ray};
     use crate::base::math::uniform_sphere;
     use crate::base::rng::{Stream, StreamKey};
-    use crate::scene::bsdf::{FacetModel, Facets, Plastic, Transport};
-    use crate::scene::{Arrangement, Camera, FieldOfView};
+    use crate::scene::bsdf::coats::LobeValues;
+    use crate::scene::bsdf::{FacetModel, Facets, LobeValue, Plastic, Transport};
+    use crate::scene::{Arrangement, Camera, FieldOfView, Surface};
     use std::array::from_fn;
-    use std::sync::Arc;
 
     /// Meshes of two triangles: without normals, with those of an edge, and with those of a smooth
     /// surface, each with and without textures and coats.
@@ -329,39 +394,53 @@ mod tests {
             let (back, _) = reversed.lobes(at.bsdf.wo());
             for (lane, surface) in surfaces.iter().enumerate() {
                 assert_eq!(at.active[lane], lane < count);
-                if lane >= count {
-                    continue;
+                if lane < count {
+                    assert_surface(&scene, &at, lane, surface, wi.get(lane));
+                    let expected =
+                        surface.bsdf.lobes(&surface.vertex(Transport::Radiance), wi.get(lane));
+                    assert_lobe(&wide, lane, &expected[0]);
+                    let from_light = surface.vertex_from(wi.get(lane), Transport::Flux);
+                    let expected = surface.bsdf.lobes(&from_light, surface.wo);
+                    assert_lobe(&back, lane, &expected[0]);
+                    let off = reversed.pass_prob(lane) - surface.bsdf.pass_prob(&from_light);
+                    assert!(off.abs() < 1e-4, "{off}");
                 }
-                let vertex = surface.vertex(Transport::Radiance);
-                for (own, expected) in [
-                    (&at.position, surface.position),
-                    (&at.normal, surface.normal),
-                    (&at.off_surface, surface.off_surface),
-                    (&at.shading_normal, vertex.normal),
-                ] {
-                    let off = (own.get(lane) - expected).length();
-                    assert!(off < 2e-6 * (1.0 + expected.length()), "{off}");
-                }
-                assert_eq!(at.is_bent[lane], surface.interpolated.is_some());
-                assert_eq!(at.facet(lane), surface.facet);
-                assert_eq!(at.vertex(lane).front, vertex.front);
-                assert_eq!(scene.coated_bsdf(&at, lane).spread(), surface.bsdf.spread());
-                let off = scene.coated_bsdf(&at, lane).color(true) - surface.bsdf.color(true);
-                assert!(off.length() < 1e-6, "{off}");
-                assert_eq!(at.agrees(lane, wi.get(lane)), surface.agrees(&vertex, wi.get(lane)));
-                let expected = surface.bsdf.lobes(&vertex, wi.get(lane))[0].value;
-                let off = (wide.value.get(lane) - expected).length();
-                assert!(off < 1e-4 * expected.length() + 1e-6, "{off} {expected}");
-                let from_light = surface.vertex_from(wi.get(lane), Transport::Flux);
-                let expected = surface.bsdf.lobes(&from_light, surface.wo)[0];
-                let off = (back.value.get(lane) - expected.value).length();
-                assert!(off < 1e-4 * expected.value.length() + 1e-6, "{off} {expected:?}");
-                let off = (back.pdf_w[lane] - expected.pdf_w).abs();
-                assert!(off < 1e-4 * expected.pdf_w + 1e-6, "{off} {expected:?}");
-                let off = (reversed.pass_prob(lane) - surface.bsdf.pass_prob(&from_light)).abs();
-                assert!(off < 1e-4, "{off}");
             }
         }
+    }
+
+    fn assert_surface(
+        scene: &Scene,
+        at: &CoatedVertices,
+        lane: usize,
+        surface: &Surface,
+        wi: Vec3,
+    ) {
+        let vertex = surface.vertex(Transport::Radiance);
+        for (own, expected) in [
+            (&at.position, surface.position),
+            (&at.normal, surface.normal),
+            (&at.off_surface, surface.off_surface),
+            (&at.shading_normal, vertex.normal),
+        ] {
+            let off = (own.get(lane) - expected).length();
+            assert!(off < 2e-6 * (1.0 + expected.length()), "{off}");
+        }
+        assert_eq!(at.is_bent[lane], surface.interpolated.is_some());
+        assert_eq!(at.facet(lane), surface.facet);
+        assert_eq!(at.vertex(lane).front, vertex.front);
+        assert_eq!(at.agrees(lane, wi), surface.agrees(&vertex, wi));
+        let bsdf = scene.coated_bsdf(at, lane);
+        assert_eq!(bsdf.spread(), surface.bsdf.spread());
+        let off = bsdf.color(true) - surface.bsdf.color(true);
+        assert!(off.length() < 1e-6, "{off}");
+    }
+
+    fn assert_lobe(found: &LobeValues, lane: usize, expected: &LobeValue) {
+        let off = (found.value.get(lane) - expected.value).length();
+        assert!(off < 1e-4 * expected.value.length() + 1e-6, "{off} {expected:?}");
+        let off = (found.pdf_w[lane] - expected.pdf_w).abs();
+        assert!(off < 1e-4 * expected.pdf_w + 1e-6, "{off} {expected:?}");
     }
 
     #[test]

@@ -63,8 +63,7 @@ pub use validate::check_mesh;
 use crate::base::error::Result;
 use crate::base::math::Bounds;
 use crate::settings::combinations::SceneFacts;
-use bsdf::coats::CoatedBase;
-use coated_hits::{coated_base, is_plain};
+use coated_hits::Coated;
 use diffuse::TriangleSide;
 use glam::{DVec3, Vec3};
 use hit::Lambertian;
@@ -120,11 +119,8 @@ pub struct Scene {
     first_triangle: Arc<[u32]>,
     /// For each material its Lambertian part.
     lambertian: Arc<[Lambertian]>,
-    /// For each material its base and coat.
-    coated: Arc<[CoatedBase]>,
-    /// For each placement whether its hits are those of [`Scene::coated_vertices`], if its
-    /// materials are.
-    is_plain: Arc<[bool]>,
+    /// What [`Scene::coated_vertices`] reads.
+    coated: Coated,
     /// Sides that emit, sorted, and the indices of their emitters.
     emitting: Arc<[(TriangleSide, u32)]>,
 }
@@ -226,9 +222,6 @@ impl Scene {
         let numbered = |(side, index): (TriangleSide, usize)| Some((side, numbers[index]?));
         let mut emitting: Vec<_> = facets.into_iter().filter_map(numbered).collect();
         emitting.sort_by_key(|(side, _)| *side);
-        let emitting = emitting.into();
-        let is_plain =
-            placements.iter().map(|placed| is_plain(placed, &meshes[placed.mesh as usize]));
         Ok(Self {
             name,
             camera,
@@ -236,8 +229,7 @@ impl Scene {
             file: FileFacts::default(),
             meters: None,
             lambertian: materials.iter().map(Lambertian::of).collect(),
-            coated: materials.iter().map(coated_base).collect(),
-            is_plain: is_plain.collect(),
+            coated: Coated::new(&materials, &placements, &meshes),
             meshes: meshes.into(),
             placements: placements.into(),
             materials: materials.into(),
@@ -251,7 +243,7 @@ impl Scene {
             triangles: triangles.into(),
             corners: corners.into(),
             first_triangle: first_triangle.into(),
-            emitting,
+            emitting: emitting.into(),
         })
     }
 

@@ -111,17 +111,11 @@ impl CandidateCost {
             let n_camera = f64::from(camera_paths);
             let [base, per_light_path] = times.in_light_paths(n_camera);
             let (camera, light) = (b / n_camera, a / n_camera + f);
-            let longest = match self.end {
-                End::Time(time) => time / min_iterations_after_choice(self.ranks),
-                End::Error(_) => f64::INFINITY,
-            };
+            let longest = self.longest_iteration();
             if base > longest && best.is_some() {
                 break;
             }
-            let allowed = ((longest - base) / per_light_path).max(base / per_light_path);
-            let optimum = (base * light / (per_light_path * camera)).sqrt();
-            let most = f64::from(self.max_light_paths).min(allowed);
-            let light_paths = if optimum.is_nan() { 2.0 } else { optimum.min(most).max(2.0) };
+            let light_paths = self.light_paths([base, per_light_path], [camera, light], longest);
             let tau = base + per_light_path * light_paths;
             let variance = camera + light / light_paths;
             // Error after the variance of one iteration has fallen to this share of it.
@@ -161,6 +155,28 @@ impl CandidateCost {
             }
         }
         best.expect("there is a step")
+    }
+
+    /// Maximum time of an iteration, seconds.
+    fn longest_iteration(&self) -> f64 {
+        match self.end {
+            End::Time(time) => time / min_iterations_after_choice(self.ranks),
+            End::Error(_) => f64::INFINITY,
+        }
+    }
+
+    /// The best number of light paths where an iteration takes a base and a time per light path, at
+    /// most `longest`, and has a variance without and with light paths. theory.md (93c)
+    fn light_paths(
+        &self,
+        [base, per_light_path]: [f64; 2],
+        [camera, light]: [f64; 2],
+        longest: f64,
+    ) -> f64 {
+        let allowed = ((longest - base) / per_light_path).max(base / per_light_path);
+        let optimum = (base * light / (per_light_path * camera)).sqrt();
+        let most = f64::from(self.max_light_paths).min(allowed);
+        if optimum.is_nan() { 2.0 } else { optimum.min(most).max(2.0) }
     }
 
     /// Seconds to the end, and the error there, from the time of an iteration and its variance.

@@ -7,6 +7,7 @@ use super::non_diffuse::{LONG_CHAIN, LONG_CHAIN_END, WEIGHT_FLOOR};
 use super::{CameraPass, CameraPaths, Connections};
 use crate::accel::HitPacket;
 use crate::base::math::{Rgb, luminance};
+use crate::scene::bsdf::coats::CoatSamples;
 use crate::scene::coated_hits::{CoatedHits, CoatedScratch, CoatedVertices};
 use crate::scene::{Receiver, Receivers};
 use crate::settings::Settings;
@@ -18,7 +19,7 @@ use crate::transport::mis::Mis;
 use crate::transport::mis::densities::{MIN_DENSITY, Survival, rough_density_of};
 use crate::transport::mis::weights::CameraPartial;
 use crate::transport::path_queue::Columns;
-use crate::transport::path_state::PathStates;
+use crate::transport::path_state::{History, PathStates};
 use bytemuck::{Pod, Zeroable};
 use std::f32::consts::FRAC_1_PI;
 
@@ -69,6 +70,14 @@ impl LightDensities {
         }
         own
     }
+}
+
+/// How paths leave vertices.
+struct Left<'a> {
+    samples: &'a CoatSamples,
+    /// Densities in projected solid angle of going on.
+    density: &'a [f32; LANES],
+    goes_on: &'a Mask,
 }
 
 impl CameraPaths {
@@ -283,34 +292,49 @@ impl CameraPaths {
             goes_on[lane] = at.active[lane] & is_left & (ends[lane] < survival);
             states.weight.set(lane, carried / survival);
         }
+        let left = Left { samples: &samples, density: &density, goes_on: &goes_on };
+        self.set_last_vertices(mis, at, &before, partials, &left, &states.path);
+        states.origin = at.off_surface;
+        states.direction = samples.wi;
+        self.next.append(simd, &goes_on, states);
+    }
+
+    /// Keeps the vertices of paths that go on, for the weights of light that they hit.
+    #[inline(always)] // vectorized
+    fn set_last_vertices(
+        &mut self,
+        mis: &Mis,
+        at: &CoatedVertices,
+        before: &[History; LANES],
+        partials: &[CameraPartial; LANES],
+        left: &Left,
+        path: &[u32; LANES],
+    ) {
         let mut back = LightDensities::default();
         if mis.balance.weighs_merges() {
-            back = LightDensities::new(at, &samples.wi);
+            back = LightDensities::new(at, &left.samples.wi);
         }
         for lane in 0..LANES {
-            if !goes_on[lane] {
+            if !left.goes_on[lane] {
                 continue;
             }
             let (position, normal) = (at.position.get(lane), at.normal.get(lane));
-            let (density, number) = (density[lane], before[lane].diffuse() + 1);
-            let is_diffuse = !samples.passes_through[lane];
+            let (density, number) = (left.density[lane], before[lane].diffuse() + 1);
+            let is_diffuse = !left.samples.passes_through[lane];
             let partial = if is_diffuse {
                 mis.balance.leave(number, partials[lane].arrive(back.wide[lane]), density)
             } else if partials[lane] == CameraPartial::default() {
                 partials[lane]
-            } else if samples.is_delta[lane] {
+            } else if left.samples.is_delta[lane] {
                 let camera = at.bsdf.pass_prob(lane).max(MIN_DENSITY);
                 partials[lane].pass(back.pass_prob[lane] / camera)
             } else {
                 partials[lane].pass(back.rough[lane] / density)
             };
             let receiver = Receiver { position, normal: Some(normal) };
-            self.last_vertices[states.path[lane] as usize] =
+            self.last_vertices[path[lane] as usize] =
                 LastVertex { receiver, normal, density, partial, is_diffuse };
         }
-        states.origin = at.off_surface;
-        states.direction = samples.wi;
-        self.next.append(simd, &goes_on, states);
     }
 }
 

@@ -281,11 +281,10 @@ impl CameraPaths {
         if at.any_emits {
             self.add_emission(pass, at, states);
         }
-        let mis = self.mis;
+        let (mis, lights) = (self.mis, pass.scene.lights());
         let earlier = if mis.is_some() { self.earlier_merges(at, states) } else { [0.0; LANES] };
         let weights = at.weights(&states.weight);
         if pass.connects() {
-            let lights = pass.scene.lights();
             let light = lights.connect_all(&at.receivers(), &mut states.rng);
             // theory.md (42), third line
             let mut contributions = at.contributions(&weights, &light);

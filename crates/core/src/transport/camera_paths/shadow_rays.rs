@@ -54,8 +54,8 @@ impl Columns<10> for Connections {
 }
 
 impl CameraPaths {
-    /// Queues shadow rays of the `active` lanes between start points of vertices and points on light
-    /// sources; `contribution` is added to the paths of the rays that nothing blocks.
+    /// Queues shadow rays of the `active` lanes between start points of vertices and points on
+    /// light sources; `contribution` is added to the paths of the rays that nothing blocks.
     #[inline(always)] // vectorized
     pub(super) fn queue_shadow_rays(
         &mut self,
