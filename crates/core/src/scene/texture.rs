@@ -71,13 +71,14 @@ impl Wrap {
         }
     }
 
-    /// The texel that index `i`, at most one outside, maps to.
+    /// The texel that index `i`, at most one outside, maps to; any of them for others.
     #[inline]
     fn texel(self, i: i32, size: u32) -> usize {
         let size = size as i32;
         let inside = match self {
             Self::Repeat if i < 0 => i + size,
-            Self::Repeat if i >= size => i - size,
+            // Two outside only where the nearest texel is taken, which has no other.
+            Self::Repeat if i >= size => (i - size).min(size - 1),
             Self::Repeat => i,
             Self::Mirror | Self::Clamp => i.clamp(0, size - 1),
         };
@@ -101,6 +102,7 @@ fn folded(wrap: u32, x: f32) -> f32 {
 fn wrapped(wrap: u32, i: i32, size: i32) -> i32 {
     let around = if i < 0 { i + size } else { i };
     let around = if around >= size { around - size } else { around };
+    let around = if around >= size { size - 1 } else { around };
     let clamped = if i < 0 { 0 } else { i };
     let clamped = if clamped >= size { size - 1 } else { clamped };
     if wrap == Wrap::Repeat as u32 { around } else { clamped }
@@ -391,6 +393,25 @@ mod tests {
             (1.7, 0.2, Rgb::Y),
         ] {
             assert_eq!(nearest.color(Vec2::new(u, v)), color, "{u} {v}");
+        }
+    }
+
+    #[test]
+    fn nearest_texels_of_one_row_or_column_are_found_at_its_edges() {
+        for (width, height) in [(1, 1), (1, 3), (3, 1)] {
+            let texels = vec![[188, 188, 188, 255]; (width * height) as usize];
+            let texture = Texture::new(width, height, texels);
+            let texture = texture.sampled(Sampling { nearest: true, ..Sampling::default() });
+            for x in [0.0, 1.0, -1e-20, f32::INFINITY] {
+                for y in [0.0, 1.0, -1e-20, f32::INFINITY] {
+                    let at = Vec2::new(x, y);
+                    texture.rows_around(at);
+                    let mut colors = Vec3s::default();
+                    let uv = [[x; LANES], [y; LANES]];
+                    Texture::colors(&[Some(&texture); LANES], &uv, &mut colors);
+                    assert_eq!(colors.get(3), texture.color(at));
+                }
+            }
         }
     }
 

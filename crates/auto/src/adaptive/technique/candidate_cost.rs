@@ -26,6 +26,11 @@ pub const CAMERA_STEPS: [u32; 15] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 9
 /// adds noise to these pixels alone. Fixed by trial.
 const BIASED_PIXELS: f64 = 0.15;
 
+/// Iterations below which the error of an image is hardly known, and an image may take longer than
+/// its time. Candidates with fewer are chosen only if their error is less by the square of what is
+/// missing: large images in a short time, whose first iteration computes all areas.
+const MIN_KNOWN_ITERATIONS: f64 = 4.0;
+
 /// Goal of the render, and the limits of the choice.
 #[derive(Clone, Copy, Debug)]
 pub struct CandidateCost {
@@ -78,6 +83,8 @@ pub struct Best {
     pub medium_scale: f64,
     light_paths: f64,
     camera_paths: u32,
+    /// Iterations after all areas around gather points are known.
+    iterations: f64,
     seconds: f64,
     noise2: f64,
     bias2: f64,
@@ -136,12 +143,14 @@ impl CandidateCost {
                 let camera_paths = n_camera * times.pixels * seconds / (tau * ranks);
                 start_up.map_or(0.0, |own| ranks * own.seconds(camera_paths))
             };
-            let (seconds, left) = self.time_and_error(tau, variance, start_up, error_at);
+            let (iterations, seconds, left) =
+                self.time_and_error(tau, variance, start_up, error_at);
             let own = Best {
                 radii,
                 medium_scale: self.medium_scale,
                 light_paths,
                 camera_paths,
+                iterations,
                 seconds,
                 noise2: left.noise,
                 bias2: left.bias,
@@ -179,28 +188,28 @@ impl CandidateCost {
         if optimum.is_nan() { 2.0 } else { optimum.min(most).max(2.0) }
     }
 
-    /// Seconds to the end, and the error there, from the time of an iteration and its variance.
-    /// `start_up` is the part of a time that goes to areas, and `error_at` the error after that
-    /// variance has fallen to a share. theory.md (93k)
+    /// Iterations and seconds to the end, and the error there, from the time of an iteration and
+    /// its variance. `start_up` is the part of a time that goes to areas, and `error_at` the error
+    /// after that variance has fallen to a share. theory.md (93k)
     fn time_and_error(
         &self,
         tau: f64,
         variance: f64,
         start_up: impl Fn(f64) -> f64,
         error_at: impl Fn(f64) -> SquaredError,
-    ) -> (f64, SquaredError) {
+    ) -> (f64, f64, SquaredError) {
         match self.end {
             End::Time(time) => {
                 // An image has at least one iteration.
                 let iterating = (time - start_up(time)).max(tau.min(time));
-                (time, error_at(tau / iterating))
+                (iterating / tau, time, error_at(tau / iterating))
             }
             End::Error(error) => {
                 let share = share_for(error * error, &error_at);
                 let share = share.max(MIN_NOISE_SHARE * error * error / variance);
                 // theory.md (91)
                 let seconds = (tau / share).max(MIN_ITERATIONS_TO_TARGET as f64 * tau);
-                (seconds + start_up(seconds), error_at(share))
+                (seconds / tau, seconds + start_up(seconds), error_at(share))
             }
         }
     }
@@ -279,7 +288,11 @@ impl Best {
     /// Cost that the choice minimizes: the squared error after the time, or the time to the error.
     pub fn rank(&self, demand: &CandidateCost) -> f64 {
         match demand.end {
-            End::Time(_) => self.noise2 + self.bias2,
+            // The error of too few iterations is not known.
+            End::Time(_) => {
+                let few = (MIN_KNOWN_ITERATIONS / self.iterations).max(1.0);
+                (self.noise2 + self.bias2) * few.powi(2)
+            }
             // The fourth power prefers less bias where no time is long enough.
             End::Error(error) => self.seconds * (self.bias2 / (error * error)).max(1.0).powi(4),
         }
@@ -290,7 +303,9 @@ impl Best {
     pub fn after(&self, demand: &CandidateCost, later: &CandidateCost) -> Self {
         match (demand.end, later.end) {
             (End::Time(before), End::Time(seconds)) => {
-                Self { seconds, noise2: self.noise2 * before / seconds, ..*self }
+                let share = seconds / before;
+                let (iterations, noise2) = (self.iterations * share, self.noise2 / share);
+                Self { iterations, seconds, noise2, ..*self }
             }
             _ => *self,
         }

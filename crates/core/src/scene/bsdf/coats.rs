@@ -285,7 +285,13 @@ impl SeenCoats {
     #[inline(always)]
     pub fn merges(&self, lane: usize) -> bool {
         let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
-        !has_coat | !self.is_narrow(lane) | (self.coats.albedo.get(lane).max_element() > 0.0)
+        !has_coat | !self.is_narrow(lane) | (self.albedo.get(lane).max_element() > 0.0)
+    }
+
+    /// The surface of a lane only mirrors: a smooth coat over a black base.
+    pub fn is_mirror(&self, lane: usize) -> bool {
+        let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
+        has_coat && self.coats.alpha[lane] == 0.0 && self.albedo.get(lane) == Rgb::ZERO
     }
 
     /// Unit vectors toward the viewers.
@@ -328,7 +334,8 @@ impl SeenCoats {
             let above = if is_above { 1.0 } else { 0.0 };
             let prob = self.coat_prob[lane];
             let leaves = self.coats.transmittance(lane, cos_i);
-            scales.base[lane] = above * self.enters[lane] * leaves;
+            // Below the surface, Fresnel's formulas have a pole.
+            scales.base[lane] = if is_above { self.enters[lane] * leaves } else { 0.0 };
             scales.base_pdf_w[lane] = above * (1.0 - prob) * cos_i.max(0.0) * FRAC_1_PI;
             // theory.md (31a), (97)
             let sum = wo + wi;

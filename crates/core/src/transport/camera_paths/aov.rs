@@ -66,7 +66,7 @@ impl CameraPaths {
         states: &PathStates,
     ) {
         for lane in (0..LANES).filter(|&lane| at.active[lane]) {
-            let surface = [at.albedo.get(lane), at.normal.get(lane)];
+            let surface = Some([at.albedo.get(lane), at.normal.get(lane)]);
             self.record_surface(pass, states, lane, at.position.get(lane), surface);
         }
     }
@@ -103,9 +103,11 @@ impl CameraPaths {
         states: &PathStates,
     ) {
         for lane in (0..LANES).filter(|&lane| at.active[lane]) {
-            let (albedo, normal) = (at.bsdf.albedo.get(lane), at.shading_normal.get(lane));
-            let position = at.position.get(lane);
-            self.record_surface(pass, states, lane, position, [albedo, normal]);
+            // Smooth normals may raise an albedo above 1: theory.md (33a).
+            let albedo = at.bsdf.albedo.get(lane).min(Rgb::ONE);
+            let surface = [albedo, at.shading_normal.get(lane)];
+            let surface = Some(surface).filter(|_| !at.bsdf.is_mirror(lane));
+            self.record_surface(pass, states, lane, at.position.get(lane), surface);
         }
     }
 
@@ -125,14 +127,15 @@ impl CameraPaths {
         }
     }
 
-    /// Records a surface of this albedo and normal, before the path in a lane scatters.
+    /// Records a surface of this albedo and normal, before the path in a lane scatters. Mirrors have
+    /// neither.
     fn record_surface(
         &mut self,
         pass: &CameraPass,
         states: &PathStates,
         lane: usize,
         position: Vec3,
-        [albedo, normal]: [Vec3; 2],
+        surface: Option<[Vec3; 2]>,
     ) {
         let history = states.history[lane];
         let aov = &mut self.aovs[states.path[lane] as usize];
@@ -140,8 +143,10 @@ impl CameraPaths {
         if history.diffuse() == 0 {
             aov.passed = history.passed();
             aov.set_first_hit(pass, history, position);
-            let tint = states.weight.get(lane) * states.inverse_start[lane];
-            aov.set_surface(tint * albedo, normal);
+            if let Some([albedo, normal]) = surface {
+                let tint = states.weight.get(lane) * states.inverse_start[lane];
+                aov.set_surface(tint * albedo, normal);
+            }
         }
     }
 

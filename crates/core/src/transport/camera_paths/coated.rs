@@ -36,12 +36,12 @@ impl Columns<20> for CoatedSegments {
 }
 
 impl CameraPass<'_> {
-    /// Vertices at bases and coats are shaded together.
+    /// Vertices at bases and coats are shaded together. All of them connect with lights.
     #[inline(always)]
     pub(super) fn shades_coats_together(&self) -> bool {
         let Self { scene, settings: Settings { strategy, .. }, .. } = self;
         let is_plain = scene.media().is_none() && scene.meters().is_none();
-        strategy.is_weighted() && strategy.continues() && is_plain
+        strategy.is_weighted() && strategy.continues() && self.connects() && is_plain
     }
 }
 
@@ -327,15 +327,22 @@ impl CameraPaths {
                 partials[lane]
             } else if left.samples.is_delta[lane] {
                 let camera = at.bsdf.pass_prob(lane).max(MIN_DENSITY);
-                partials[lane].pass(back.pass_prob[lane] / camera)
+                partials[lane].pass(bounded(back.pass_prob[lane] / camera))
             } else {
-                partials[lane].pass(back.rough[lane] / density)
+                partials[lane].pass(bounded(back.rough[lane] / density))
             };
             let receiver = Receiver { position, normal: Some(normal) };
             self.last_vertices[path[lane] as usize] =
                 LastVertex { receiver, normal, density, partial, is_diffuse };
         }
     }
+}
+
+/// A ratio of densities where a path passes through, within the bounds of
+/// [`Directions::light_over_camera`](crate::transport::mis::densities::Directions::light_over_camera).
+#[inline(always)]
+fn bounded(ratio: f32) -> f32 {
+    ratio.clamp(MIN_DENSITY, MIN_DENSITY.recip())
 }
 
 /// Density in projected solid angle of the lobes that merge, with survival at the vertex of this
