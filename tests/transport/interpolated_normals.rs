@@ -3,7 +3,7 @@
 
 use crate::common::*;
 use bdpm::Settings;
-use bdpm::scene::bsdf::{Bsdf, Coated, DiffuseTransmission, Glossy};
+use bdpm::scene::bsdf::{Bsdf, Coated, DiffuseTransmission, FacetModel, Facets, Glossy, Plastic};
 use bdpm::scene::{Material, Mesh, Scene};
 use bdpm::settings::{Direct, Strategy};
 use glam::{Vec2, Vec3};
@@ -70,6 +70,24 @@ fn light_paths_and_camera_paths_agree_on_every_bounce() {
     assert_agree(smooth(), diffuse);
 }
 
+/// Camera paths shade them sixteen at a time, light paths one by one.
+#[test]
+fn light_paths_and_camera_paths_agree_on_plastics() {
+    let plastic = |model, alpha, is_nonlinear| {
+        let facets = Facets { model, alpha };
+        Bsdf::Plastic(Plastic::new(Vec3::splat(0.8), 1.5, facets, is_nonlinear))
+    };
+    for bsdf in [
+        plastic(FacetModel::Ggx, 0.0, true),
+        plastic(FacetModel::Beckmann, 0.15, false),
+        plastic(FacetModel::Ggx, 0.5, true),
+    ] {
+        for normal in [TILTED, Vec3::Z] {
+            assert_agree(normal, bsdf);
+        }
+    }
+}
+
 /// Asserts that photons, connections and their weighted sum have one mean on a wall that a floor
 /// with this normal lights. A lamp lights both.
 fn assert_agree(normal: Vec3, bsdf: Bsdf) {
@@ -100,6 +118,7 @@ fn assert_agree(normal: Vec3, bsdf: Bsdf) {
         (Direct::PhotonMap, 1),
         (Direct::PhotonMap, 2),
         (Direct::Connect, MIS),
+        (Direct::PhotonMap, MIS),
     ] {
         let other = mean(direct, merge_vertex);
         let error = other.error.hypot(reference.error);
