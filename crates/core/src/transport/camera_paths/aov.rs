@@ -127,8 +127,8 @@ impl CameraPaths {
         }
     }
 
-    /// Records a surface of this albedo and normal, before the path in a lane scatters. Mirrors have
-    /// neither.
+    /// Records a surface of this albedo and normal, before the path in a lane scatters. Mirrors
+    /// have neither.
     fn record_surface(
         &mut self,
         pass: &CameraPass,
