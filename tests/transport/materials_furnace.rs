@@ -9,7 +9,7 @@ use bdpm::scene::bsdf::{
     ThinDielectric,
 };
 use bdpm::scene::{Material, Mesh, Scene};
-use bdpm::settings::Direct;
+use bdpm::settings::{Direct, Kernel};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -54,6 +54,10 @@ fn place(column: i32, row: i32) -> Vec3 {
 
 /// Whether all pixels see `EXPECTED` less at most `loss` of it, by every strategy.
 fn assert_invisible(scene: &Arc<Scene>, loss: f64, iterations: usize) {
+    assert_invisible_by(Kernel::Disc, scene, loss, iterations);
+}
+
+fn assert_invisible_by(kernel: Kernel, scene: &Arc<Scene>, loss: f64, iterations: usize) {
     let accel = accel(scene);
     for direct in [Direct::Connect, Direct::PhotonMap] {
         for merge_vertex in [1, 2, 3, MIS] {
@@ -65,6 +69,7 @@ fn assert_invisible(scene: &Arc<Scene>, loss: f64, iterations: usize) {
                 radius: 0.15,
                 caustic_radius: 0.15,
                 seed: 2,
+                kernel,
                 ..settings(6, 6)
             });
             let all = pixel_samples(scene, &accel, settings, iterations);
@@ -129,7 +134,9 @@ fn sheets_in_a_furnace_keep_its_radiance() {
         square(place(1, 0), Vec3::new(0.3, 1.0, 0.2), 0.3, 3),
         square(place(0, 1), Vec3::new(-0.4, -1.0, 0.5), 0.3, 1),
     ];
-    assert_invisible(&furnace(things, &[sheet(0.4), sheet(1.0), sheet(0.8)]), 0.0, 140);
+    // Discs have a bias at the edges of sheets.
+    let scene = furnace(things, &[sheet(0.4), sheet(1.0), sheet(0.8)]);
+    assert_invisible_by(Kernel::Area, &scene, 0.0, 1000);
 }
 
 #[test]
