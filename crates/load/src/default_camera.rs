@@ -52,7 +52,7 @@ pub(super) fn place(
     change: &CameraChange,
     file: &Path,
 ) -> (Warning, Option<Arc<dyn Intersect>>) {
-    // Embree first: the builder of the other backend takes hours for 100,000 equal triangles.
+    // Embree first: the builder of the other backend takes 84 s for 64,000 equal triangles.
     let built = || build(Backend::default(), scene).or_else(|_| build(Backend::Bvh, scene)).ok();
     let accel = is_searched(scene).then(built).flatten();
     let inside = accel.as_deref().and_then(|accel| inside(scene, accel));

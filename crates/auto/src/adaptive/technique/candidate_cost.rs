@@ -436,6 +436,33 @@ pub mod tests {
     }
 
     #[test]
+    fn too_few_iterations_rank_lower_than_their_error() {
+        let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
+        let merged = <ByClass<ClassBias>>::default();
+        let demand = demand(End::Time(100.0));
+        let with = |start_up: f64| {
+            let time = RenderTime { start_up: Some(constant(start_up)), ..time() };
+            demand.evaluate(&coefficients, &time, &merged, [1.0; 2])
+        };
+        let many = with(0.0);
+        assert!(many.iterations > 2.0 * MIN_KNOWN_ITERATIONS, "{many:?}");
+        assert_eq!(many.rank(&demand), many.noise2 + many.bias2);
+        let tau = 100.0 / many.iterations;
+        // Counts are smaller then, so that there are more iterations.
+        let enough = with(100.0 - tau);
+        assert!(enough.iterations > 1.5 && enough.light_paths < many.light_paths, "{enough:?}");
+        let few = with(100.0 - 0.3 * tau);
+        assert!((1.0..MIN_KNOWN_ITERATIONS).contains(&few.iterations), "{few:?}");
+        let expected = (few.noise2 + few.bias2) * (MIN_KNOWN_ITERATIONS / few.iterations).powi(2);
+        assert!((few.rank(&demand) / expected - 1.0).abs() < 1e-9, "{few:?}");
+        // A shorter time has fewer iterations, and more noise.
+        let later = CandidateCost { end: End::Time(25.0), ..demand };
+        let fewer = many.after(&demand, &later);
+        let ratios = [many.iterations / fewer.iterations, fewer.noise2 / many.noise2];
+        assert!(ratios.iter().all(|ratio| (ratio - 4.0).abs() < 1e-9), "{ratios:?}");
+    }
+
+    #[test]
     fn start_up_leaves_less_time_for_iterations() {
         let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
         let merged = <ByClass<ClassBias>>::default();

@@ -210,10 +210,14 @@ mod tests {
         for region in 0..REGIONS {
             let prob = probs.density(region) / REGIONS as f32;
             assert!((prob * total / weight(region) - 1.0).abs() < 0.02, "{region}");
-            let mut chosen = [(0, 0.0)];
-            RegionProbs::choose_each(&[&probs], &[next + 0.5 * f64::from(prob)], &mut chosen);
-            assert_eq!(chosen, [(region, probs.density(region))]);
-            next += f64::from(prob);
+            // The first and the last unit of its interval, and one between
+            let unit = 0.5 / f64::from(probs.units());
+            let end = next + f64::from(prob);
+            let numbers = [next + unit, 0.5 * (next + end), end - unit];
+            let mut chosen = [(0, 0.0); 3];
+            RegionProbs::choose_each(&[&probs; 3], &numbers, &mut chosen);
+            assert_eq!(chosen, [(region, probs.density(region)); 3]);
+            next = end;
         }
         assert!((next - 1.0).abs() < 1e-5);
     }
