@@ -457,8 +457,8 @@ impl Renderer {
         self.photon_map.has_caustic_photons() || self.medium_photons.has_caustic_photons()
     }
 
-    /// What the areas around gather points have taken so far, in this and in all renderers that
-    /// share them; nothing if the kernel is a disc.
+    /// Work so far on the areas around gather points, in this renderer and those that share them;
+    /// none if the kernel is a disc.
     pub fn area_work(&self) -> CellWork {
         self.areas.as_ref().map_or(CellWork::default(), |areas| areas.work())
     }

@@ -134,7 +134,7 @@ pub(super) fn coated_base(material: &Material) -> CoatedBase {
     if is_plain { CoatedBase::of(&material.bsdf) } else { CoatedBase::default() }
 }
 
-/// What [`Scene::coated_vertices`] reads.
+/// Tables for [`Scene::coated_vertices`].
 #[derive(Clone, Debug)]
 pub(super) struct Coated {
     /// For each material its base and coat.
@@ -169,8 +169,8 @@ impl Scene {
         }
     }
 
-    /// Those of `lanes`, whose materials [`Self::lambertian`] found coated, that
-    /// [`Self::coated_vertices`] can shade.
+    /// The hits that [`Self::coated_vertices`] can shade among `lanes`, whose materials
+    /// [`Self::lambertian`] found coated.
     #[inline(always)] // part of the loop over vertices
     pub fn plain_placements(&self, hits: &HitPacket, lanes: u32) -> u32 {
         let is_plain = |lane: usize| self.coated.is_plain[hits.mesh[lane] as usize];
@@ -235,7 +235,7 @@ impl Scene {
     }
 }
 
-/// What textures and BSDFs need of the sides that are seen.
+/// Sides that are seen, as textures and BSDFs need them.
 #[derive(Clone, Copy, Debug)]
 struct SeenSides {
     front: Mask,

@@ -119,7 +119,7 @@ pub struct Scene {
     first_triangle: Arc<[u32]>,
     /// For each material its Lambertian part.
     lambertian: Arc<[Lambertian]>,
-    /// What [`Scene::coated_vertices`] reads.
+    /// Tables for [`Scene::coated_vertices`].
     coated: Coated,
     /// Sides that emit, sorted, and the indices of their emitters.
     emitting: Arc<[(TriangleSide, u32)]>,

@@ -5,7 +5,7 @@ use bdpm_core::base::photometry::LUMENS_PER_WATT;
 use bdpm_core::base::quantiles::{NORMAL_95, student_95};
 use std::f64::consts::{LN_10, PI};
 
-/// What is known about the noise of the pixels of an image.
+/// Knowledge about the noise of the pixels of an image.
 #[derive(Clone, Debug)]
 pub(super) enum Noise {
     /// Nothing.

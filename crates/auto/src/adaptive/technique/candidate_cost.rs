@@ -65,7 +65,7 @@ pub struct ClassBias {
     pub outer: Coefficients,
 }
 
-/// What an image takes at some radii.
+/// Time of an image at some radii.
 #[derive(Clone, Copy, Debug)]
 pub struct RenderTime {
     /// Times of an iteration.

@@ -1,8 +1,8 @@
 //! The start-up of an image: time that its iterations take beyond later ones, because the areas
 //! around gather points are computed cell by cell where camera paths first arrive, and kept.
 //!
-//! A trial sees the start of this on a sample of the pixels. How the number of cells grows with the
-//! camera paths tells how many the whole image will need: theory.md (93k).
+//! A trial sees the start of this on a sample of the pixels. The growth of the number of cells with
+//! the camera paths predicts how many the whole image will need: theory.md (93k).
 
 use bdpm_core::transport::area::CellWork;
 
@@ -33,8 +33,8 @@ pub struct StartUp {
     camera_paths: f64,
     /// Wall-clock time of their cells, seconds, if all threads share it.
     seconds: f64,
-    /// Share of the cells that the latest doubling of the camera paths found again, above 0 (each
-    /// doubling of the paths doubles the cells) and up to 1 (no cell is new).
+    /// Share of the cells that the latest doubling of the camera paths found again. It is 1 if no
+    /// cell was new, and above 0: each doubling of the paths would double the cells.
     repeated: f64,
     /// Factor on `repeated` from one doubling to the next, within [`SATURATION`].
     saturation: f64,
@@ -77,7 +77,7 @@ impl CellGrowth {
         let measured = if earlier > 0.0 { (later / earlier).clamp(least, most) } else { most };
         let repeats = earlier * self.cells(0.5 * camera_paths);
         let saturation = most - (most - measured) * repeats / (repeats + ENOUGH_REPEATED);
-        // Less than one of the cells cannot be told from none.
+        // Shares of less than one cell are not measured.
         let repeated = later.max(cells.recip());
         let seconds = self.seconds / threads.max(1) as f64;
         Some(StartUp { camera_paths, seconds, repeated, saturation })

@@ -84,7 +84,7 @@ impl RegionProbs {
 /// The regions' probabilities by cells of space.
 #[derive(Clone, Debug)]
 pub(super) struct RegionVisibility {
-    /// Those of the whole grid, of blocks with tests, and of cells with tests.
+    /// Probabilities of the whole grid, of blocks with tests, and of cells with tests.
     probs: Vec<RegionProbs>,
     /// Mean of the factors of each of `probs`, in [0, 1].
     mean_factors: Vec<f32>,
