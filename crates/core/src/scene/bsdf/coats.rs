@@ -8,7 +8,7 @@
 use super::facets::{FacetModel, Facets};
 use super::ggx::reflect;
 use super::plastic::COEFFICIENTS;
-use super::{Bsdf, DIFFUSE_ALPHA, Plastic};
+use super::{Bsdf, DIFFUSE_ALPHA, Plastic, fresnel};
 use crate::base::math::{Frame, Rgb, cosine_hemisphere, exp_minus};
 use crate::simd::{LANES, Mask, Vec3s, bits, lanes_of};
 use bytemuck::{Pod, Zeroable};
@@ -170,7 +170,7 @@ impl CoatedBases {
     /// [`Plastic`]'s share of the light from the cosine `cos` that enters the coat.
     #[inline(always)]
     fn transmittance(&self, lane: usize, cos: f32) -> f32 {
-        let smooth = 1.0 - fresnel(cos, self.eta[lane]);
+        let smooth = 1.0 - fresnel::dielectric(cos, self.eta[lane]).0;
         let t = &self.transmittance;
         let x = 2.0 * cos - 1.0;
         let x2 = x * x;
@@ -212,16 +212,6 @@ impl CoatedBases {
         let beckmann = if cos > 0.0 { beckmann } else { 0.0 };
         if self.has(CoatedBase::IS_BECKMANN, lane) { beckmann } else { ggx }
     }
-}
-
-/// Reflectance of a smooth interface; that of [`fresnel`](super::fresnel) without a branch.
-#[inline(always)]
-fn fresnel(cos_i: f32, eta: f32) -> f32 {
-    let cos_t2 = 1.0 - (1.0 - cos_i * cos_i) / (eta * eta);
-    let cos_t = cos_t2.max(0.0).sqrt();
-    let s = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
-    let p = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
-    if cos_t2 <= 0.0 { 1.0 } else { 0.5 * (s * s + p * p) }
 }
 
 /// Square of the distance of a unit vector from a normal to which it has this cosine.
@@ -349,7 +339,7 @@ impl SeenCoats {
             let g2 = if is_correlated { 1.0 + lambda_o + lambda_i } else { apart }.recip();
             let d = density / (4.0 * cos_o);
             let is_lobe = is_above & has_coat & (self.coats.alpha[lane] > 0.0);
-            let coat = fresnel(wo.dot(m), self.coats.eta[lane]) * d * g2 / cos_i;
+            let coat = fresnel::dielectric(wo.dot(m), self.coats.eta[lane]).0 * d * g2 / cos_i;
             let pdf_w = prob * d / (1.0 + lambda_o);
             scales.coat[lane] = if is_lobe { coat } else { 0.0 };
             scales.coat_pdf_w[lane] = if is_lobe { pdf_w } else { 0.0 };
@@ -410,7 +400,8 @@ impl SeenCoats {
             let coat_share = if takes_coat { 1.0 } else { 0.0 };
             let value = base * base_share + coat * coat_share;
             let pdf_w = scales.base_pdf_w[lane] * base_share + scales.coat_pdf_w[lane] * coat_share;
-            let mirrored = tint * (fresnel(self.cos[lane], self.coats.eta[lane]) / prob);
+            let mirrored =
+                tint * (fresnel::dielectric(self.cos[lane], self.coats.eta[lane]).0 / prob);
             let weight = if is_delta { mirrored } else { value * (cos_i / pdf_w) };
             let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
             let is_seen = (self.cos[lane] > 0.0) | !has_coat;

@@ -6,22 +6,20 @@ use crate::base::math::Rgb;
 /// incidence and within it, and the cosine of the refracted direction (0 for total reflection).
 /// `cos_i` is in [0, 1]; `eta` is the index behind the interface over that in front. theory.md
 /// (22).
-#[inline]
+#[inline(always)] // part of vector loops, which have no branches
 pub fn polarized(cos_i: f32, eta: f32) -> ([f32; 2], f32) {
     let cos_t2 = 1.0 - (1.0 - cos_i * cos_i) / (eta * eta);
-    if cos_t2 <= 0.0 {
-        return ([1.0; 2], 0.0);
-    }
-    let cos_t = cos_t2.sqrt();
+    let cos_t = cos_t2.max(0.0).sqrt();
     let s = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
     let p = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
-    ([s * s, p * p], cos_t)
+    let is_total = cos_t2 <= 0.0;
+    ([if is_total { 1.0 } else { s * s }, if is_total { 1.0 } else { p * p }], cos_t)
 }
 
 /// Reflectance of an interface between dielectrics, and the cosine of the refracted direction (0
 /// for total reflection). `cos_i` is in [0, 1]; `eta` is the index behind the interface over that
 /// in front. theory.md (22).
-#[inline]
+#[inline(always)]
 pub fn dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
     let ([s, p], cos_t) = polarized(cos_i, eta);
     (0.5 * (s + p), cos_t)
