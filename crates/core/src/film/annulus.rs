@@ -7,7 +7,7 @@ use super::radiance::luminance;
 use super::statistic::{PixelSample, StatisticRequest};
 use super::tiled_buffer::Accumulate;
 use crate::base::math::Rgb;
-use crate::settings::{Bias, Kernel, Settings};
+use crate::settings::{Kernel, Settings};
 use bytemuck::Zeroable;
 use serde::{Deserialize, Serialize};
 
@@ -86,14 +86,11 @@ pub fn left_at_half(kernel: Kernel) -> [f64; CLASSES] {
 
 impl FoldedStatistic for FoldSums {
     fn folds(request: &StatisticRequest) -> usize {
-        match request.settings.bias {
-            Bias::Reduce => FOLDS,
-            Bias::Keep => 0,
-        }
+        if request.settings.corrects_bias() { FOLDS } else { 0 }
     }
 
     fn is_possible(folds: usize, settings: &Settings) -> bool {
-        folds == if settings.bias == Bias::Reduce { FOLDS } else { 0 }
+        folds == if settings.corrects_bias() { FOLDS } else { 0 }
     }
 }
 

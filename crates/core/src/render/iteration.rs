@@ -13,7 +13,6 @@ use crate::film::cells::CellGrid;
 use crate::film::statistic::CurrentIteration;
 use crate::noise::Measure;
 use crate::scene::Scene;
-use crate::settings::Bias;
 use crate::transport::camera_paths::CameraPass;
 use crate::transport::clearance::Clearance;
 use crate::transport::kernel::MergeKernel;
@@ -143,7 +142,7 @@ impl Renderer {
         let options = MergeOptions {
             mis,
             records_caustics: self.config.aovs.light,
-            records_annulus: settings.bias == Bias::Reduce,
+            records_annulus: settings.corrects_bias(),
         };
         let merge = Merge::new(photon_map, settings.merge_vertex, self.kernel(), options);
         let merge = match surroundings(scene, &**accel, &self.clearance) {

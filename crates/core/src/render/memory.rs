@@ -12,7 +12,7 @@ use crate::film::radiance::PixelSums;
 use crate::film::statistic::StatisticRequest;
 use crate::scene::bsdf::Bsdf;
 use crate::scene::{Media, Scene};
-use crate::settings::{Bias, Settings};
+use crate::settings::Settings;
 use crate::transport::mis::weights::PhotonPartials;
 use crate::transport::photon::Photon;
 use crate::transport::room::Room;
@@ -50,10 +50,7 @@ pub fn light_paths_in(memory: f64, photons_per_path: f64, settings: &Settings) -
 /// blocks but the first, and the combined image.
 pub fn bytes_per_pixel(request: &StatisticRequest, blocks: usize) -> f64 {
     let cell = CellGrid::of(request.settings.resolution()).pixels_per_cell();
-    let correction = match request.settings.bias {
-        Bias::Reduce => BiasCorrection::BYTES,
-        Bias::Keep => 0,
-    };
+    let correction = if request.settings.corrects_bias() { BiasCorrection::BYTES } else { 0 };
     let block = size_of::<PixelSums>() as f64 + BlockStatistics::bytes_per_pixel(request);
     let combined = size_of::<Rgb>() + request.aovs.output_bytes_per_pixel();
     combined as f64

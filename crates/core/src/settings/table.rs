@@ -289,6 +289,11 @@ impl Settings {
         self.strategy.has_photons()
     }
 
+    /// Tests whether the merge bias is measured and corrected: without photons there is none.
+    pub fn corrects_bias(&self) -> bool {
+        self.bias == Bias::Reduce && self.has_photons()
+    }
+
     /// Tests whether diffuse vertices are connected with light sources.
     pub fn connects(&self) -> bool {
         self.direct == Direct::Connect || !self.has_photons()

@@ -34,10 +34,7 @@ const MAX_ESTIMATE_PAUSE: f64 = 0.5;
 const ESTIMATE_PAUSE_SHARE: f64 = 0.02;
 
 /// Maximum share of these estimates in the time. Each is a pass over the image.
-const ESTIMATE_COST: f64 = 0.05;
-
-/// Maximum share for large images, whose pixels share statistics.
-const LARGE_ESTIMATE_COST: f64 = 0.02;
+const ESTIMATE_COST: f64 = 0.02;
 
 /// Estimates of the noise that take as long as the result at the end.
 const RESULT_ESTIMATES: f64 = 2.0;
@@ -237,8 +234,8 @@ impl RenderState {
         if is_large && self.status.iterations < 2 {
             return Ok(()); // Nothing is known of the noise.
         }
-        let share = if is_large { LARGE_ESTIMATE_COST } else { ESTIMATE_COST };
-        if elapsed < self.clock.last_estimate + pause.max(self.clock.estimate_time / share) {
+        if elapsed < self.clock.last_estimate + pause.max(self.clock.estimate_time / ESTIMATE_COST)
+        {
             return Ok(());
         }
         self.attempt(Step::Estimate, |state| {
