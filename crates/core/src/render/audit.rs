@@ -2,6 +2,7 @@
 //! two halves. Light that no camera path finds is estimated beside it: theory.md, section 22b.
 
 use super::combined_image::CombinedImage;
+use super::findable_light::{has_rare_sunlight, has_unfindable_light};
 use super::{RenderConfig, Renderer};
 use crate::base::error::Result;
 use crate::base::iteration_set::IterationSet;
@@ -9,7 +10,7 @@ use crate::film::cells::CellGrid;
 use crate::film::radiance::{PixelSums, box_filter, luminance};
 use crate::noise::Measure;
 use crate::noise::difference::{Cells, Compared, Difference, Estimates};
-use crate::scene::{Emitter, Material, Scene};
+use crate::scene::{Emitter, Scene};
 use crate::settings::{Bias, Direct, Settings, Strategy};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -354,14 +355,6 @@ pub fn brightest_path(scene: &Scene) -> f64 {
     emitters.fold(sky, f64::max)
 }
 
-/// Whether a scene may have light that only photons find: of lights that no ray can hit, through
-/// glass or mirrors.
-pub fn has_unfindable_light(scene: &Scene) -> bool {
-    let is_single = |own: &Material| own.bsdf.passes_through() && !own.is_index_matched_boundary();
-    scene.lights().emitters().iter().any(Emitter::is_delta)
-        && scene.materials().iter().any(is_single)
-}
-
 /// Renders the audit of an image.
 pub struct Auditor {
     tracer: Renderer,
@@ -371,7 +364,7 @@ pub struct Auditor {
 
 impl Auditor {
     /// Prepares to audit the image of a renderer. `None` for images without photons, of meters, or
-    /// of fewer than 16 cells.
+    /// of fewer than 16 cells, and where path tracing finds the light of a sun too rarely.
     ///
     /// # Errors
     /// If the memory does not suffice.
@@ -379,7 +372,8 @@ impl Auditor {
         let (scene, _) = renderer.scene_and_accel();
         let own = renderer.settings();
         let cells = cells_of(own);
-        if !own.has_photons() || scene.meters().is_some() || cells.len() < 16 {
+        let is_small = cells.len() < 16;
+        if !own.has_photons() || scene.meters().is_some() || is_small || has_rare_sunlight(scene) {
             return Ok(None);
         }
         Self::of_any(renderer).map(Some)

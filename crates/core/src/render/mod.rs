@@ -6,6 +6,7 @@ pub mod audit;
 mod aov_sums;
 pub mod bias_over_noise;
 pub mod bias_correction;
+pub mod findable_light;
 pub mod block;
 pub mod combined_image;
 pub mod guiding;

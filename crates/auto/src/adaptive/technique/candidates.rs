@@ -2,6 +2,7 @@
 
 use super::{FreeParameters, Technique};
 use bdpm_core::render::Renderer;
+use bdpm_core::render::findable_light::has_rare_sunlight;
 use bdpm_core::scene::{Emitter, Material, Media};
 use bdpm_core::settings::{Direct, MediumQuery, Settings, Strategy};
 
@@ -13,8 +14,8 @@ const DENSE: f32 = 4.0;
 /// Properties of a scene that decide about candidates.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneTraits {
-    /// Camera paths cannot find all light: light sources that no ray can hit may show in mirrors or
-    /// through glass.
+    /// Camera paths cannot find all light, or hardly: light sources that no ray can hit, or a sun in
+    /// a map, may show in mirrors or through glass.
     pub needs_photons: bool,
     /// Weights of several techniques with photons hold in the media of the scene.
     pub may_weight: bool,
@@ -37,7 +38,8 @@ impl SceneTraits {
             passes && !own.is_index_matched_boundary()
         };
         let mut materials = scene.materials().iter();
-        let needs_photons = has_delta_lights && materials.any(is_smooth);
+        let needs_photons =
+            has_delta_lights && materials.any(is_smooth) || has_rare_sunlight(scene);
         let may_weight = scene.media().is_none_or(Media::allows_weighted_merges);
         let media_scatter = scene.media().is_some_and(Media::any_scatters);
         let is_dense = |media: &Media| media.largest_extinction() * scene.size() > DENSE;
@@ -137,6 +139,36 @@ mod tests {
             let all = Technique::candidates(&settings, FreeParameters::ALL, traits);
             let found = all.iter().any(|technique| technique.strategy == Strategy::Path);
             assert_eq!(found, is_candidate, "{name}");
+        }
+    }
+
+    /// Path tracing finds the light that a sun sends through a pane by single rays that hit the
+    /// sun. Through an opening, and with a sky alone, every vertex is connected.
+    #[test]
+    fn path_tracing_is_no_candidate_for_the_sun_behind_a_pane() {
+        let sun = "sun_direction = [-0.7, 0.6, 0.2]";
+        let overcast = "model = 'cie'\ncie_type = 1\ndiffuse_lx = 10000";
+        let cases = [
+            (sun, "type = 'thin-dielectric'\nior = 1.5", false),
+            (sun, "type = 'lambertian'\nalbedo = 0.5", true),
+            (overcast, "type = 'thin-dielectric'\nior = 1.5", true),
+        ];
+        for (sky, pane, is_candidate) in cases {
+            let folder = tempfile::tempdir().unwrap();
+            let quad = "v -1 0 0\nv 1 0 0\nv 1 2 0\nv -1 2 0\nf 1 2 3\nf 1 3 4\n";
+            std::fs::write(folder.path().join("pane.obj"), quad).unwrap();
+            let camera = "[camera]\nposition = [0, 1, 4]\ntarget = [0, 1, 0]\nfov_x_deg = 60\n";
+            let mesh = "[[mesh]]\nfile = 'pane.obj'\nmaterial = 'pane'\n";
+            let scene = format!("{camera}{mesh}[materials.pane]\n{pane}\n[sky]\n{sky}\n");
+            std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
+            let loaded = load(folder.path()).unwrap();
+            let settings = Settings { width: 16, height: 16, ..settings() };
+            let accel = build(Backend::Bvh, &loaded.scene).unwrap();
+            let renderer = Renderer::new(&loaded.scene, &accel, settings.clone()).unwrap();
+            let traits = SceneTraits::new(&renderer, false);
+            let all = Technique::candidates(&settings, FreeParameters::ALL, traits);
+            let found = all.iter().any(|technique| technique.strategy == Strategy::Path);
+            assert_eq!(found, is_candidate, "{sky}, {pane}");
         }
     }
 

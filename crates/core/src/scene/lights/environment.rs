@@ -240,6 +240,25 @@ impl Environment {
         self.integral
     }
 
+    /// Solid angle that the light seems to come from, sr: that of a uniform light of the same
+    /// integral of the luminance and of its square. About `4 pi` for an even sky, and less than
+    /// `1e-3` if a large share is that of a sun; 0 for a black map.
+    pub fn effective_solid_angle(&self) -> f64 {
+        let inset_width = self.inset.map_or(1, |inset| inset.size[0]) as usize;
+        let (map, inset) = self.pixels.split_at(self.width as usize * self.height as usize);
+        let rows = map.chunks_exact(self.width as usize).chain(inset.chunks_exact(inset_width));
+        let (mut integral, mut of_squares) = (0.0, 0.0);
+        for (pixels, row) in rows.zip(0..) {
+            let solid_angle = f64::from(self.solid_angle(row));
+            for pixel in pixels {
+                let luminance = f64::from(luminance(pixel.radiance));
+                integral += solid_angle * luminance;
+                of_squares += solid_angle * luminance * luminance;
+            }
+        }
+        if of_squares > 0.0 { integral * integral / of_squares } else { 0.0 }
+    }
+
     /// Radiant power that meets the sphere around the scene, W.
     pub fn power(&self) -> Rgb {
         self.disc() * self.integral

@@ -252,3 +252,38 @@ fn light_paths_carry_the_power_through_the_sphere() {
         assert!((sample.target - map.center).length() > map.radius);
     }
 }
+
+#[test]
+fn light_of_a_sun_comes_from_its_own_solid_angle() {
+    let even = Environment::new(64, 32, vec![Rgb::ONE; 64 * 32], 0.0);
+    assert!((even.effective_solid_angle() / f64::from(4.0 * PI) - 1.0).abs() < 1e-4);
+    let mut radiance = vec![Rgb::ZERO; 64 * 32];
+    radiance[10 * 64 + 5] = Rgb::splat(7.0);
+    let sun = Environment::new(64, 32, radiance, 0.0);
+    let own = f64::from(sun.solid_angle(10));
+    assert!((sun.effective_solid_angle() / own - 1.0).abs() < 1e-6);
+    let black = Environment::new(2, 1, vec![Rgb::ZERO; 2], 0.0);
+    assert_eq!(black.effective_solid_angle(), 0.0);
+}
+
+#[test]
+fn finer_pixels_of_an_inset_count_by_their_own_solid_angle() {
+    let map = with_inset(0.0);
+    let grid = map.inset.unwrap();
+    let [across, down] = [0, 1].map(|i| u64::from(grid.size[i]));
+    let first = map.pixels.len() as u64 - across * down;
+    let row_of = |index: u64| match index < first {
+        true => index / u64::from(map.width),
+        false => u64::from(map.height) + (index - first) / across,
+    };
+    let (mut integral, mut of_squares) = (0.0, 0.0);
+    for (pixel, index) in map.pixels.iter().zip(0..) {
+        let solid_angle = f64::from(map.solid_angle(row_of(index) as u32));
+        let own = f64::from(luminance(pixel.radiance));
+        integral += own * solid_angle;
+        of_squares += own * own * solid_angle;
+    }
+    assert!((integral / f64::from(luminance(map.integral())) - 1.0).abs() < 1e-5);
+    let expected = integral * integral / of_squares;
+    assert!((map.effective_solid_angle() / expected - 1.0).abs() < 1e-9);
+}
