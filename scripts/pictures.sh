@@ -104,7 +104,7 @@ make_picture() {
         classroom)
             local room
             room=$(public classroom/scene.xml)
-            denoised classroom "$room" 600 --resolution 1280x720
+            denoised classroom "$room" 300 --resolution 1280x720
             ;;
         hall) denoised hall hall 600 --resolution 1620x1080 ;;
         objective) denoised objective objective 600 --resolution 1620x1080 ;;

@@ -349,9 +349,11 @@ pub fn brightest_path(scene: &Scene) -> f64 {
         }
     };
     let emitters = lights.emitters().iter().map(emitter);
-    let sky = lights
-        .environment()
-        .map_or(0.0, |environment| environment.pixels().map(of).fold(0.0, f64::max) * uniform);
+    let sky = lights.environment().map_or(0.0, |map| {
+        // A sun is in the inset.
+        let inset = map.inset().into_iter().flat_map(|(_, radiance)| radiance);
+        uniform * map.pixels().chain(inset).map(of).fold(0.0, f64::max)
+    });
     emitters.fold(sky, f64::max)
 }
 
