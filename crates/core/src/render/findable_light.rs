@@ -15,8 +15,8 @@ pub fn has_unfindable_light(scene: &Scene) -> bool {
 }
 
 /// Whether a scene may have light that path tracing finds too rarely to know its noise: of a sun in
-/// an environment map, through clear glass or by mirrors. In a room behind a pane of thin glass, 60 %
-/// of the light was missing from most images, whose stated error was a few percent.
+/// an environment map, through clear glass or by mirrors. In a room behind a pane of thin glass, 60
+/// % of the light was missing from most images, whose stated error was a few percent.
 pub fn has_rare_sunlight(scene: &Scene) -> bool {
     let is_clear = |own: &Material| {
         let bsdf = &own.bsdf;

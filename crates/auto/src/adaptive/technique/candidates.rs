@@ -14,8 +14,8 @@ const DENSE: f32 = 4.0;
 /// Properties of a scene that decide about candidates.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneTraits {
-    /// Camera paths cannot find all light, or hardly: light sources that no ray can hit, or a sun in
-    /// a map, may show in mirrors or through glass.
+    /// Camera paths cannot find all light, or hardly: light sources that no ray can hit, or a sun
+    /// in a map, may show in mirrors or through glass.
     pub needs_photons: bool,
     /// Weights of several techniques with photons hold in the media of the scene.
     pub may_weight: bool,
