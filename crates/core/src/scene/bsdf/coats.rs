@@ -1,7 +1,7 @@
 //! Diffuse bases under coats, sixteen at a time: surfaces that are Lambertian or [`Plastic`].
 //!
-//! The formulas are those of [`layers`](super::layers), [`plastic`](super::plastic) and
-//! [`facets`](super::facets). Directions are in scene space: facets of coats are isotropic, so that
+//! The formulas are those of `layers`, `plastic` and
+//! `facets`. Directions are in scene space: facets of coats are isotropic, so that
 //! cosines and distances from the normal say everything. Loops over lanes have neither calls nor
 //! branches, so that they become vector instructions.
 
