@@ -350,9 +350,12 @@ pub fn brightest_path(scene: &Scene) -> f64 {
     };
     let emitters = lights.emitters().iter().map(emitter);
     let sky = lights.environment().map_or(0.0, |map| {
-        // A sun is in the inset.
-        let inset = map.inset().into_iter().flat_map(|(_, radiance)| radiance);
-        uniform * map.pixels().chain(inset).map(of).fold(0.0, f64::max)
+        // A sun in the inset is hit behind glass only. Elsewhere it is connected, like parallel
+        // light.
+        let hit = map.inset().filter(|_| has_rare_sunlight(scene));
+        let inset = hit.into_iter().flat_map(|(_, radiance)| radiance);
+        let brightest = map.pixels().chain(inset).map(of).fold(0.0, f64::max);
+        (uniform * brightest).max(of(map.integral()) / PI)
     });
     emitters.fold(sky, f64::max)
 }

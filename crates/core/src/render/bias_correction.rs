@@ -167,7 +167,7 @@ mod tests {
     use crate::render::RenderConfig;
     use crate::render::accumulators::{IterationSample, SharedStatistics};
     use crate::render::combined_image::CombinedImage;
-    use crate::settings::{Bias, Kernel, PartialSettings, Settings};
+    use crate::settings::{Bias, Kernel, PartialSettings, Settings, Strategy};
     use glam::DVec3;
 
     const SIDE: u32 = 24;
@@ -316,6 +316,19 @@ mod tests {
             let blocks = blocks(0.1, 0.1, &[count], 3);
             let image = CombinedImage::new(&blocks, vec![1.0]);
             assert_eq!(image.bias_correction().is_some(), known, "{count}");
+        }
+    }
+
+    #[test]
+    fn path_tracing_keeps_no_annulus() {
+        for strategy in [Strategy::Single, Strategy::Path] {
+            let partial = PartialSettings { resolution: Some([SIDE, SIDE]), ..Default::default() };
+            let own = Settings::resolve(&partial, &Default::default(), 1.0).unwrap();
+            let settings = Settings { strategy, bias: Bias::Reduce, merge_vertex: 2, ..own };
+            let request = RenderConfig::default().request(&settings);
+            let block = Block::new(&request, 0, Counts::uniform(10, 1));
+            assert_eq!(block.statistics.annulus.is_some(), strategy.has_photons());
+            assert!(block.is_consistent(&settings));
         }
     }
 
