@@ -9,7 +9,7 @@
 use super::{Mesh, Placement, Scene, Texture};
 use crate::accel::packet::used;
 use crate::accel::{AccelInfo, Coherence, Hit, HitPacket, Intersect, Ray, RayPacket, next_after};
-use crate::simd::Mask;
+use crate::simd::{LANES, Mask};
 use glam::Vec2;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -39,6 +39,9 @@ impl AlphaMask {
     }
 }
 
+/// Packets of shadow rays that are traced together.
+const PACKETS: usize = 16;
+
 /// A number in [0, 1) from a hash of the ray and the triangle.
 fn random_number(ray: &Ray, hit: &Hit) -> f32 {
     let [x, y, z] = ray.origin.to_array().map(f32::to_bits);
@@ -55,6 +58,8 @@ pub struct AlphaMasks {
     /// By the mesh index of hits, whether connections pass: boundaries of media that do not
     /// refract.
     is_index_matched: Vec<bool>,
+    /// By the mesh index of hits, whether any connection passes.
+    may_pass: Vec<bool>,
 }
 
 /// The mask of an instance.
@@ -85,7 +90,9 @@ impl AlphaMasks {
         if masks.iter().all(Option::is_none) && !is_index_matched.contains(&true) {
             return inner;
         }
-        Arc::new(Self { inner, masks, is_index_matched })
+        let may_pass = masks.iter().zip(&is_index_matched);
+        let may_pass = may_pass.map(|(mask, is_matched)| mask.is_some() || *is_matched).collect();
+        Arc::new(Self { inner, masks, is_index_matched, may_pass })
     }
 
     /// Returns true if the ray passes the surface that it hit.
@@ -108,6 +115,15 @@ impl AlphaMasks {
     /// The first hit, from `hit` on, that the ray does not pass.
     fn first_met(&self, ray: &Ray, hit: Hit) -> Hit {
         self.first_not(ray, hit, |hit| self.is_passed(ray, hit))
+    }
+
+    /// Tests whether a connection meets a surface, from `hit` on, that it does not pass.
+    fn is_met(&self, ray: &Ray, hit: Hit) -> bool {
+        let is_passed = |hit: &Hit| {
+            let is_matched = self.is_index_matched.get(hit.mesh as usize) == Some(&true);
+            is_matched || self.is_passed(ray, hit)
+        };
+        !self.first_not(ray, hit, is_passed).is_miss()
     }
 
     /// The first hit, from `hit` on, without this property.
@@ -146,11 +162,21 @@ impl Intersect for AlphaMasks {
         occluded: &mut [Mask],
         coherence: Coherence,
     ) {
-        self.inner.occlude(rays, count, occluded, coherence);
-        for ((rays, occluded), lanes) in rays.iter().zip(occluded).zip(used(count, rays.len())) {
-            for lane in lanes {
-                if occluded[lane] {
-                    occluded[lane] = self.is_occluded(&rays.get(lane));
+        assert_eq!(rays.len(), occluded.len(), "one packet of answers per packet of rays");
+        // Which surface is hit must be known: one query of closest hits is faster than one of any
+        // hits, and another one of closest hits for the rays that are occluded by anything.
+        let mut hits = [HitPacket::default(); PACKETS];
+        let chunks = rays.chunks(PACKETS).zip(occluded.chunks_mut(PACKETS)).enumerate();
+        for (chunk, (rays, occluded)) in chunks {
+            let count = (count - chunk * PACKETS * LANES).min(rays.len() * LANES);
+            let hits = &mut hits[..rays.len()];
+            self.inner.intersect(rays, count, hits, coherence);
+            let packets = rays.iter().zip(hits).zip(occluded).zip(used(count, rays.len()));
+            for (((rays, hits), occluded), lanes) in packets {
+                for lane in lanes {
+                    let hit = hits.get(lane);
+                    occluded[lane] = !hit.is_miss()
+                        && (!self.may_pass[hit.mesh as usize] || self.is_met(&rays.get(lane), hit));
                 }
             }
         }
@@ -161,11 +187,7 @@ impl Intersect for AlphaMasks {
     }
 
     fn is_occluded(&self, ray: &Ray) -> bool {
-        let is_passed = |hit: &Hit| {
-            let is_matched = self.is_index_matched.get(hit.mesh as usize) == Some(&true);
-            is_matched || self.is_passed(ray, hit)
-        };
-        !self.first_not(ray, self.inner.closest_hit(ray), is_passed).is_miss()
+        self.is_met(ray, self.inner.closest_hit(ray))
     }
 
     fn describe(&self) -> AccelInfo {
