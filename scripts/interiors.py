@@ -47,8 +47,8 @@ class PathTracer(mitsuba_paths.PathTracer):
 
 
 class Reference:
-    def __init__(self, path, tracer, seconds):
-        file = path.with_suffix(f".reference-{tracer.size[0]}.npz")
+    def __init__(self, path, tracer, seconds, width=None):
+        file = path.with_suffix(f".reference-{width or tracer.size[0]}.npz")
         if not file.exists():
             samples = tracer.per_second * seconds / PARTS
             parts = [tracer.render(samples, 100 + part)[0] for part in range(PARTS)]
@@ -117,4 +117,5 @@ def main():
         print(f"| {path.parent.name or path.stem} | {cells[0]} | {cells[1]} | {report:.2e} | {ratio:.4f} | {gain:.2g} | `{chosen}` |", flush=True)
 
 
-main()
+if __name__ == "__main__":
+    main()

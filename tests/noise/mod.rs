@@ -2,6 +2,7 @@
 
 mod audit;
 mod audit_image;
+mod camera_points;
 mod counts;
 mod estimators;
 mod failures;

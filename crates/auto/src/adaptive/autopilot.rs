@@ -248,7 +248,10 @@ impl Autopilot {
         let is_last =
             is_large(renderer) && renderer.blocks().len() == max_blocks(renderer.settings());
         let skipped = if is_last { 1 } else { 0 };
-        let measures = (renderer.film().iterations + skipped).is_multiple_of(self.schedule().every);
+        // After the promise counts stay. What is measured then serves the merge bias alone.
+        let is_over = self.state.promise.is_some() && !renderer.settings().has_photons();
+        let iterations = renderer.film().iterations + skipped;
+        let measures = !is_over && iterations.is_multiple_of(self.schedule().every);
         if measures { Measure::Pairs } else { Measure::Off }
     }
 

@@ -22,6 +22,8 @@ pub enum Stream {
     Visibility = 7,
     /// One stream per set of light paths, which scrambles the Sobol points that they start from.
     LightPathSet = 8,
+    /// One stream per camera path of a pixel and set, which scrambles its Sobol points.
+    CameraPathSet = 11,
     /// For the tiles in which the error of a denoised image is estimated.
     Denoiser = 9,
     /// One stream per light path of a goniophotometer.
@@ -96,6 +98,45 @@ impl Rng {
     #[inline(always)]
     pub fn next_2d(&mut self) -> [f32; 2] {
         [self.next_1d(), self.next_1d()]
+    }
+}
+
+/// A source of uniform numbers of one path.
+pub trait Draw {
+    /// 32 bits that determine a number, uniform over all paths.
+    fn next_word(&mut self) -> u32;
+
+    /// 32 random bits for the lower digits of a number.
+    fn next_low(&mut self) -> u32;
+
+    /// Uniform in [0, 1), a multiple of 2^-24.
+    #[inline(always)]
+    fn next_1d(&mut self) -> f32 {
+        unit_f32(self.next_word())
+    }
+
+    /// Uniform in [0, 1), a multiple of 2^-53: for choices among many items.
+    #[inline(always)]
+    fn next_f64(&mut self) -> f64 {
+        unit_f64([self.next_low(), self.next_word()])
+    }
+
+    /// Two uniform numbers in [0, 1).
+    #[inline(always)]
+    fn next_2d(&mut self) -> [f32; 2] {
+        [self.next_1d(), self.next_1d()]
+    }
+}
+
+impl Draw for Rng {
+    #[inline(always)]
+    fn next_word(&mut self) -> u32 {
+        self.next_u32()
+    }
+
+    #[inline(always)]
+    fn next_low(&mut self) -> u32 {
+        self.next_u32()
     }
 }
 

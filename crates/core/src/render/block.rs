@@ -16,6 +16,7 @@ use crate::noise::film::NoiseFilm;
 use crate::noise::image::NoiseImage;
 use crate::noise::schedule::measured_before;
 use crate::settings::{Kernel, Settings};
+use crate::transport::camera_paths::CameraPoints;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -30,6 +31,8 @@ pub struct Block {
     pub counts: Counts,
     /// Kernel of the merges, which determines the bias that remains after correction.
     pub kernel: Kernel,
+    /// Camera paths start from Sobol points, so that iterations are not independent.
+    pub starts_from_points: bool,
     /// Sums of the image.
     pub film: Film,
     /// Statistics that are kept beside the image.
@@ -66,6 +69,7 @@ impl Block {
             numbers: IterationSet::default(),
             counts,
             kernel: request.settings.kernel,
+            starts_from_points: CameraPoints::are_used(request.settings),
             film: Film::new(width, height),
             statistics,
             clock: PhaseClock::default(),

@@ -3,6 +3,7 @@
 use super::accumulators::SharedStatistics;
 use super::bias_correction::BiasCorrection;
 use super::block::Block;
+use super::set_factor::{HalfMeans, set_factor};
 use crate::base::math::Rgb;
 use crate::film::cells::CellGrid;
 use crate::film::halves::HALVES;
@@ -30,6 +31,7 @@ pub struct DerivedStatistics(Arc<Derived>);
 #[derive(Debug, Default)]
 struct Derived {
     correction: OnceLock<Option<BiasCorrection>>,
+    set_factor: OnceLock<f64>,
     /// Of large images.
     moments: OnceLock<Vec<CellMoments>>,
 }
@@ -41,8 +43,8 @@ pub struct CellMoments {
     pub radiance: DVec3,
     /// Square of the luminance.
     pub square: f64,
-    /// Variance of the luminance of the mean over iterations; `None` before the second iteration of
-    /// any block.
+    /// Variance of the luminance of the mean over iterations if they are independent; `None` before
+    /// the second iteration of any block.
     pub variance: Option<f64>,
 }
 
@@ -146,6 +148,11 @@ impl<'a> CombinedImage<'a> {
         if let Some(correction) = self.bias_correction() {
             return Some(correction.halves.clone());
         }
+        Some(self.half_means()?.means)
+    }
+
+    /// The halves of an image whose bias is not corrected.
+    fn half_means(&self) -> Option<HalfMeans> {
         let mut means = vec![[0.0; HALVES]; self.grid().len()];
         let mut totals = [0.0; HALVES];
         for (block, weight) in self.pairs() {
@@ -160,14 +167,27 @@ impl<'a> CombinedImage<'a> {
         means.iter_mut().for_each(|own| {
             own.iter_mut().zip(totals).for_each(|(mean, total)| *mean /= total);
         });
-        totals.iter().all(|total| *total > 0.0).then_some(means)
+        totals.iter().all(|total| *total > 0.0).then_some(HalfMeans { means, totals })
+    }
+
+    /// Variance of the image over that of as many independent iterations: less than 1 if camera
+    /// paths start from Sobol points. theory.md (44b)
+    pub fn set_factor(&self) -> f64 {
+        if !self.blocks.iter().all(|block| block.starts_from_points) {
+            return 1.0;
+        }
+        let factor = || {
+            let (halves, variance) = (self.half_means()?, self.independent_cell_variance()?);
+            Some(set_factor(self, &halves, &variance))
+        };
+        *self.derived.0.set_factor.get_or_init(|| factor().unwrap_or(1.0))
     }
 
     /// Moments of the cells, in row order.
     pub fn cell_moments(&self) -> &[CellMoments] {
         self.derived.0.moments.get_or_init(|| {
             let (grid, scale) = (self.grid(), self.total().recip());
-            let factors = self.variance_scales();
+            let factors = self.independent_scales();
             let add = |sums: &mut (DVec3, f64, f64), at: usize| {
                 let own =
                     |(block, weight): (&Block, f64)| block.film.sums.values()[at].radiance * weight;
@@ -304,6 +324,13 @@ impl<'a> CombinedImage<'a> {
     /// A block of one iteration has no sample variance. Since the weights are reciprocals of
     /// variances, the mean `w V` of the other blocks replaces it. theory.md (75).
     fn variance_factors(&self) -> Option<Vec<(&'a Block, f64)>> {
+        let set_factor = self.set_factor();
+        let own = |(block, factor): (&'a Block, f64)| (block, set_factor * factor);
+        Some(self.independent_factors()?.into_iter().map(own).collect())
+    }
+
+    /// [`Self::variance_factors`] if iterations are independent.
+    fn independent_factors(&self) -> Option<Vec<(&'a Block, f64)>> {
         let total2 = self.total().powi(2);
         let added = |block: &Block, w: f64| w * w * block.film.iterations as f64 / total2;
         let (known, single): (Vec<_>, Vec<_>) =
@@ -320,9 +347,12 @@ impl<'a> CombinedImage<'a> {
     /// Factors of the variances of the means of the blocks in the variance of the mean; `None`
     /// before the second iteration of any block.
     fn variance_scales(&self) -> Option<Vec<(&'a Block, f64)>> {
-        let scale =
-            |(block, factor): (&'a Block, f64)| (block, factor * block.film.iterations as f64);
-        Some(self.variance_factors()?.into_iter().map(scale).collect())
+        Some(self.variance_factors()?.into_iter().map(of_mean).collect())
+    }
+
+    /// [`Self::variance_scales`] if iterations are independent.
+    fn independent_scales(&self) -> Option<Vec<(&'a Block, f64)>> {
+        Some(self.independent_factors()?.into_iter().map(of_mean).collect())
     }
 
     /// Estimate of the variance of the luminance of [`Self::mean`] in each pixel, in row order;
@@ -357,10 +387,13 @@ impl<'a> CombinedImage<'a> {
     /// Unbiased estimate of the variance of the luminance of [`Self::uncorrected_mean`] in each
     /// pixel, in row order; `None` before the second iteration of any block.
     pub fn uncorrected_variance(&self) -> Option<Vec<f64>> {
-        let scales = self.variance_scales()?;
+        Some(self.pixel_variance(&self.variance_scales()?))
+    }
+
+    fn pixel_variance(&self, scales: &[(&Block, f64)]) -> Vec<f64> {
         let mut all = vec![0.0; self.blocks[0].film.pixels()];
-        self.blocks[0].film.sums.zip_pixels(&mut all, |all, at| *all = variance(&scales, at));
-        Some(all)
+        self.blocks[0].film.sums.zip_pixels(&mut all, |all, at| *all = variance(scales, at));
+        all
     }
 
     /// Mean over each cell of [`Self::variance_of_mean`], in row order.
@@ -375,8 +408,16 @@ impl<'a> CombinedImage<'a> {
 
     /// Mean over each cell of [`Self::uncorrected_variance`], in row order.
     pub fn uncorrected_cell_variance(&self) -> Option<Vec<f64>> {
+        let set_factor = self.set_factor();
+        let mut variance = self.independent_cell_variance()?;
+        variance.par_iter_mut().for_each(|variance| *variance *= set_factor);
+        Some(variance)
+    }
+
+    /// [`Self::uncorrected_cell_variance`] if iterations are independent.
+    fn independent_cell_variance(&self) -> Option<Vec<f64>> {
         if self.grid().is_single_pixels() {
-            return self.uncorrected_variance();
+            return Some(self.pixel_variance(&self.independent_scales()?));
         }
         self.cell_moments().par_iter().map(|moments| moments.variance).collect()
     }
@@ -421,6 +462,12 @@ impl<'a> CombinedImage<'a> {
         let scale = if variance > 0.0 { corrected / variance } else { 1.0 };
         Some((corrected, scale * error))
     }
+}
+
+/// The factor of a block in the variance of the mean of its iterations, from that in the variance of
+/// one.
+fn of_mean((block, factor): (&Block, f64)) -> (&Block, f64) {
+    (block, factor * block.film.iterations as f64)
 }
 
 /// The variance with the correction of the bias, or that without it. The change by the correction

@@ -13,7 +13,7 @@ use crate::film::cells::CellGrid;
 use crate::film::statistic::CurrentIteration;
 use crate::noise::Measure;
 use crate::scene::Scene;
-use crate::transport::camera_paths::CameraPass;
+use crate::transport::camera_paths::{CameraPass, CameraPoints};
 use crate::transport::clearance::Clearance;
 use crate::transport::kernel::MergeKernel;
 use crate::transport::medium_kernel::MediumKernel;
@@ -138,6 +138,7 @@ impl Renderer {
             settings,
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
             gather_early: mis.is_some() || self.found_caustic_photons(),
+            points: CameraPoints::of(scene, settings, iteration),
         };
         let options = MergeOptions {
             mis,

@@ -16,6 +16,7 @@ mod measured_pixels;
 mod memory;
 mod partial;
 mod report;
+mod set_factor;
 mod smoothing;
 mod tile_paths;
 mod tiles;

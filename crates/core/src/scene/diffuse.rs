@@ -2,7 +2,7 @@
 
 use super::{LightSamples, Receivers};
 use crate::base::math::{Rgb, cosine_hemisphere};
-use crate::simd::{LANES, Mask, Rngs, Vec3s};
+use crate::simd::{LANES, Mask, Vec3s};
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
@@ -124,12 +124,11 @@ impl DiffuseVertices {
         contributions
     }
 
-    /// Samples a new direction for each path, in proportion to the cosine: its weight is the
-    /// albedo.
+    /// Samples a new direction for each path by two numbers, in proportion to the cosine: its weight
+    /// is the albedo.
     #[inline(always)]
-    pub fn sample(&self, rngs: &mut Rngs) -> Vec3s {
+    pub fn sample(&self, [u, v]: &[[f32; LANES]; 2]) -> Vec3s {
         let mut directions = Vec3s::default();
-        let (u, v) = (rngs.next_1d(), rngs.next_1d());
         for lane in 0..LANES {
             directions.set(lane, cosine_hemisphere(self.normal.get(lane), [u[lane], v[lane]]));
         }

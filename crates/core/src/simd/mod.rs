@@ -4,6 +4,7 @@
 //! neither calls nor branches.
 
 pub mod dispatch;
+pub mod draw;
 pub mod eight;
 pub mod sobol;
 
@@ -67,6 +68,12 @@ impl Rngs {
             self.set(lane, rng);
         }
         numbers
+    }
+
+    /// Draws two numbers per path, uniform in [0, 1).
+    #[inline(always)]
+    pub fn next_pair(&mut self) -> [[f32; LANES]; 2] {
+        [self.next_1d(), self.next_1d()]
     }
 
     /// Draws 64 bits per path, the lower half first, for a number in [0, 1) of 53 bits.

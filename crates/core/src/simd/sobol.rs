@@ -6,11 +6,14 @@
 //! of Vegdahl (2021). They are not from a crate, because they are made side by side here; a test
 //! compares the points before scrambling with the definition.
 
-use super::LANES;
+use super::{LANES, Rngs};
 use crate::base::rng::Rng;
 
-/// Numbers of a point.
+/// Numbers of a point of a set.
 pub const DIMENSIONS: usize = 5;
+
+/// Numbers of a [`SobolPoint`].
+pub const POINT_DIMENSIONS: usize = 9;
 
 /// Maximum number of points of a set.
 pub const MAX_POINTS: u32 = 1 << MAX_BITS;
@@ -19,24 +22,32 @@ const MAX_BITS: usize = 18;
 
 /// Degree, coefficients and first direction numbers of the primitive polynomials of all dimensions
 /// but the first.
-const POLYNOMIALS: [(usize, u32, [u32; 3]); DIMENSIONS - 1] =
-    [(1, 0, [1, 0, 0]), (2, 1, [1, 3, 0]), (3, 1, [1, 3, 1]), (3, 2, [1, 1, 1])];
+const POLYNOMIALS: [(usize, u32, &[u32]); POINT_DIMENSIONS - 1] = [
+    (1, 0, &[1]),
+    (2, 1, &[1, 3]),
+    (3, 1, &[1, 3, 1]),
+    (3, 2, &[1, 1, 1]),
+    (4, 1, &[1, 1, 3, 3]),
+    (4, 4, &[1, 3, 5, 13]),
+    (5, 2, &[1, 1, 5, 5, 17]),
+    (5, 4, &[1, 1, 5, 5, 5]),
+];
 
 /// Direction numbers with their bits in reverse: the highest digit of a number in [0, 1) is bit 0.
-const DIRECTIONS: [[u32; MAX_BITS]; DIMENSIONS] = directions();
+const DIRECTIONS: [[u32; MAX_BITS]; POINT_DIMENSIONS] = directions();
 
 /// The first sixteen points, in reverse.
 const FIRST: [[u32; LANES]; DIMENSIONS] = first_points();
 
-const fn directions() -> [[u32; MAX_BITS]; DIMENSIONS] {
-    let mut all = [[0; MAX_BITS]; DIMENSIONS];
+const fn directions() -> [[u32; MAX_BITS]; POINT_DIMENSIONS] {
+    let mut all = [[0; MAX_BITS]; POINT_DIMENSIONS];
     let mut bit = 0;
     while bit < MAX_BITS {
         all[0][bit] = 1 << bit;
         bit += 1;
     }
     let mut dimension = 1;
-    while dimension < DIMENSIONS {
+    while dimension < POINT_DIMENSIONS {
         let (degree, coefficients, first) = POLYNOMIALS[dimension - 1];
         let mut m = [0; MAX_BITS];
         let mut k = 0;
@@ -117,6 +128,34 @@ impl ScrambledSobol {
     }
 }
 
+/// The points with one index of many sets, each scrambled by itself.
+#[derive(Clone, Copy, Debug)]
+pub struct SobolPoint {
+    /// The numbers before scrambling, in reverse.
+    words: [u32; POINT_DIMENSIONS],
+}
+
+impl SobolPoint {
+    /// The points with this index, less than [`MAX_POINTS`].
+    pub fn new(index: u32) -> Self {
+        debug_assert!(index < MAX_POINTS);
+        Self { words: std::array::from_fn(|dimension| reversed_sobol(dimension, index)) }
+    }
+
+    /// The points of sixteen sets, each scrambled by its generator: 32 random bits for each number.
+    #[inline(always)] // part of the loop over camera paths
+    pub fn scrambled(&self, rngs: &mut Rngs) -> [[u32; LANES]; POINT_DIMENSIONS] {
+        let mut points = [[0; LANES]; POINT_DIMENSIONS];
+        for (numbers, word) in points.iter_mut().zip(self.words) {
+            let [seeds, shifts] = rngs.next_bits();
+            for (lane, number) in numbers.iter_mut().enumerate() {
+                *number = (scrambled(word, seeds[lane]) ^ shifts[lane]).reverse_bits();
+            }
+        }
+        points
+    }
+}
+
 /// Changes each bit depending on the bits below it alone, which are higher digits of the number.
 #[inline(always)]
 fn scrambled(mut bits: u32, seed: u32) -> u32 {
@@ -175,21 +214,58 @@ mod tests {
 
     #[test]
     fn points_before_scrambling_are_those_of_sobol() {
-        // The first points by Joe and Kuo's generator, in the order of the binary index instead of
-        // Gray's code.
+        // Points by Joe and Kuo's generator, in the order of the binary index instead of Gray's
+        // code. The last one has a bit of each polynomial's first numbers.
         let expected = [
-            [0.0, 0.0, 0.0, 0.0, 0.0],
-            [0.5, 0.5, 0.5, 0.5, 0.5],
-            [0.25, 0.75, 0.75, 0.75, 0.25],
-            [0.75, 0.25, 0.25, 0.25, 0.75],
-            [0.125, 0.625, 0.375, 0.125, 0.125],
+            (0, [0.0; POINT_DIMENSIONS]),
+            (1, [0.5; POINT_DIMENSIONS]),
+            (2, [0.25, 0.75, 0.75, 0.75, 0.25, 0.25, 0.75, 0.25, 0.25]),
+            (3, [0.75, 0.25, 0.25, 0.25, 0.75, 0.75, 0.25, 0.75, 0.75]),
+            (4, [0.125, 0.625, 0.375, 0.125, 0.125, 0.375, 0.625, 0.625, 0.625]),
+            (
+                37,
+                [
+                    0.640_625, 0.921_875, 0.734_375, 0.828_125, 0.484_375, 0.765_625, 0.703_125,
+                    0.015_625, 0.953_125,
+                ],
+            ),
         ];
-        for (index, expected) in (0..).zip(expected) {
-            let point: [f64; DIMENSIONS] = std::array::from_fn(|dimension| {
+        for (index, expected) in expected {
+            let point: [f64; POINT_DIMENSIONS] = std::array::from_fn(|dimension| {
                 f64::from(reversed_sobol(dimension, index).reverse_bits()) / f64::powi(2.0, 32)
             });
             assert_eq!(point, expected, "{index}");
         }
+    }
+
+    #[test]
+    fn points_of_one_set_that_are_scrambled_one_by_one_fill_the_cube_evenly() {
+        let key = StreamKey::new(7, Stream::Test, 0);
+        let rngs = || {
+            let mut rngs = Rngs::default();
+            (0..LANES).for_each(|lane| rngs.set(lane, key.rng(lane as u64)));
+            rngs
+        };
+        let points: Vec<_> =
+            (0..64).map(|index| SobolPoint::new(index).scrambled(&mut rngs())).collect();
+        for lane in 0..LANES {
+            for side in 0..POINT_DIMENSIONS {
+                let strata: u64 =
+                    points.iter().fold(0, |found, point| found | 1 << (point[side][lane] >> 26));
+                assert_eq!(strata, u64::MAX, "{side}");
+            }
+            // The first two numbers are a (0, 6, 2) net.
+            for bits in 1..6 {
+                let cell = |point: &[[u32; LANES]; POINT_DIMENSIONS]| {
+                    (point[0][lane] >> (32 - bits)) << (6 - bits) | point[1][lane] >> (26 + bits)
+                };
+                let cells: u64 = points.iter().fold(0, |found, point| found | 1 << cell(point));
+                assert_eq!(cells, u64::MAX, "{bits}");
+            }
+        }
+        // Sets of different lanes differ.
+        let first = points.iter().map(|point| point[0][0]).collect::<Vec<_>>();
+        assert_ne!(first, points.iter().map(|point| point[0][1]).collect::<Vec<_>>());
     }
 
     #[test]

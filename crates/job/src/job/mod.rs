@@ -66,6 +66,7 @@ use bdpm_core::scene::backend::Backend;
 use bdpm_core::scene::{Media, Scene};
 use bdpm_core::settings::provenance::{Provenance, Reuse};
 use bdpm_core::settings::{Bias, PartialSettings, Settings};
+use bdpm_core::transport::camera_paths::CameraPoints;
 use leader::Leader;
 use rayon::ThreadPool;
 use shard::ShardIterations;
@@ -360,12 +361,12 @@ impl RenderJob {
 
     /// Layers to accumulate: the selected ones and those that the denoiser needs.
     fn kept_aovs(&self, settings: &Settings, audit: Option<AuditPace>) -> AovSelection {
-        let AovSelection { features, folds, .. } = self.aovs;
-        // Images whose bias is corrected have halves of their own.
-        let halves = audit.is_some() && settings.has_photons() && settings.bias == Bias::Keep;
+        // Images whose bias is corrected have halves of their own. theory.md (44b)
+        let halves = CameraPoints::are_used(settings)
+            || audit.is_some() && settings.has_photons() && settings.bias == Bias::Keep;
         AovSelection {
-            features: features || self.denoise,
-            folds: folds || self.denoise,
+            features: self.aovs.features || self.denoise,
+            folds: self.aovs.folds || self.denoise,
             halves,
             ..self.aovs
         }

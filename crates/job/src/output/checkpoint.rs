@@ -26,7 +26,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
 
 /// Version of the payload's layout. Increase it with every change.
-const FORMAT: u32 = 17;
+const FORMAT: u32 = 18;
 
 /// Bytes before the payload.
 const HEADER: usize = MAGIC.len() + size_of::<u32>();

@@ -69,11 +69,12 @@ impl Convergence {
             let weighted = variance.par_iter().zip(importance).map(|(v, weight)| v * weight);
             total(&weighted.collect::<Vec<f64>>(), |term| *term) / importance.len() as f64
         };
+        let set_factor = combined.set_factor();
         let film = blocks.last().map(|block| &block.film);
         let block_variance =
             film.and_then(|film| Some((film.cell_variance()?, film.iterations as f64)));
         let image_variance = match blocks {
-            [_] if combined.bias_correction().is_none() => {
+            [_] if combined.bias_correction().is_none() && set_factor == 1.0 => {
                 block_variance.as_ref().map(|(variance, _)| variance.clone())
             }
             _ => combined.cell_variance(),
@@ -107,7 +108,8 @@ impl Convergence {
             {
                 corrected / uncorrected
             }
-            _ => 1.0,
+            // Iterations to come take the next points of the sets.
+            _ => set_factor,
         };
         Self {
             iterations: combined.iterations(),

@@ -4,7 +4,7 @@ use super::emitter::Emitter;
 use super::environment::Environment;
 use super::regions::RegionProbs;
 use super::{LightSample, Lights, Receiver};
-use crate::base::rng::Rng;
+use crate::base::rng::{Draw, Rng};
 use crate::simd::LANES;
 use glam::Vec3;
 
@@ -95,10 +95,10 @@ impl Lights {
 
     /// [`Self::connect`] for each of at most [`LANES`] receivers, by its own generator. Together
     /// they wait less for memory than one by one.
-    pub fn connect_each(
+    pub fn connect_each<R: Draw>(
         &self,
         receivers: &[Receiver],
-        rngs: &mut [Rng],
+        rngs: &mut [R],
         samples: &mut [Option<LightSample>],
     ) {
         let mut chosen = [None; LANES];
@@ -129,10 +129,10 @@ impl Lights {
 
     /// Chooses points on the chosen lights, at most [`LANES`], to connect their receivers with,
     /// each by its own generator; `None` where the point cannot light the receiver.
-    pub(super) fn connect_each_chosen(
+    pub(super) fn connect_each_chosen<R: Draw>(
         &self,
         chosen: &[Option<ChosenLight>],
-        rngs: &mut [Rng],
+        rngs: &mut [R],
         samples: &mut [Option<LightSample>],
     ) {
         let mut skies = Skies::default();
@@ -157,7 +157,7 @@ impl Lights {
     }
 
     /// Chooses the numbers of directions toward the environment.
-    fn choose_directions(&self, skies: &mut Skies, rngs: &mut [Rng]) {
+    fn choose_directions<R: Draw>(&self, skies: &mut Skies, rngs: &mut [R]) {
         let count = skies.count;
         let mut regions = [(0, 1.0); LANES];
         let learned = if count > 0 { self.by_estimate.regions(skies.receivers[0]) } else { None };

@@ -10,7 +10,7 @@ use crate::base::math::{
     uniform_disc, uniform_disc_inverse, uniform_sphere, uniform_sphere_inverse, uniform_triangle,
     uniform_triangle_inverse,
 };
-use crate::base::rng::Rng;
+use crate::base::rng::Draw;
 use crate::scene::{TexturedTriangle, Triangle};
 use glam::Vec3;
 use serde::Serialize;
@@ -232,7 +232,7 @@ impl Triangle {
         position: Vec3,
         radiance: impl FnOnce([f32; 2]) -> Rgb,
         prob: f32,
-        rng: &mut Rng,
+        rng: &mut impl Draw,
     ) -> Option<LightSample> {
         let random = rng.next_2d();
         let near = SphericalTriangle::if_near(self, position);
@@ -399,7 +399,12 @@ impl Emitter {
 
     /// A point on the light to connect `position` with; the light was chosen with probability
     /// `prob`.
-    pub(super) fn connect(&self, position: Vec3, prob: f32, rng: &mut Rng) -> Option<LightSample> {
+    pub(super) fn connect(
+        &self,
+        position: Vec3,
+        prob: f32,
+        rng: &mut impl Draw,
+    ) -> Option<LightSample> {
         match self {
             Self::Point { position: target, intensity } => {
                 let (wi, distance2) = toward(*target, position);

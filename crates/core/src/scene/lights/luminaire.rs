@@ -16,7 +16,7 @@ use super::intensity::IntensityDistribution;
 use super::solid_angle::SphericalTriangle;
 use super::{Emission, LightSample, below_one};
 use crate::base::math::{Rgb, uniform_triangle, uniform_triangle_inverse};
-use crate::base::rng::Rng;
+use crate::base::rng::Draw;
 use crate::scene::{Mesh, Triangle, triangle_area};
 use glam::{DMat3, DVec3, Vec3};
 use serde::Serialize;
@@ -281,7 +281,12 @@ impl OpeningEmitter {
         [Some(a), Some(b), c, d]
     }
 
-    pub(super) fn connect(&self, position: Vec3, prob: f32, rng: &mut Rng) -> Option<LightSample> {
+    pub(super) fn connect(
+        &self,
+        position: Vec3,
+        prob: f32,
+        rng: &mut impl Draw,
+    ) -> Option<LightSample> {
         let chosen = self.choose(|triangle| seen(triangle, position), rng.next_f64());
         let (index, _, own) = chosen?;
         let triangle = &self.triangles[index];

@@ -6,8 +6,9 @@ use super::emitter::Emitter;
 use super::guide::Guide;
 use super::{ChosenLight, Emission, PrimarySample, Receiver};
 use crate::base::math::uniform_sphere;
-use crate::base::rng::{Rng, unit_f32, unit_f64};
+use crate::base::rng::{unit_f32, unit_f64};
 use crate::scene::Lights;
+use crate::simd::draw::DrawLanes;
 use crate::simd::sobol::DIMENSIONS;
 use crate::simd::{LANES, Mask, Rngs, Vec3s};
 use glam::Vec3;
@@ -156,7 +157,7 @@ impl Lights {
 
     /// [`Self::connect`] for each vertex.
     #[inline(always)] // part of the loop over vertices
-    pub fn connect_all(&self, at: &Receivers, rngs: &mut Rngs) -> LightSamples {
+    pub fn connect_all(&self, at: &Receivers, rngs: &mut impl DrawLanes) -> LightSamples {
         let choices = rngs.next_bits();
         if let [Emitter::Point { position, intensity }] = self.emitters()
             && self.environment().is_none()
@@ -196,16 +197,16 @@ impl Lights {
 
     /// Chooses points on the chosen lights.
     #[inline(never)] // keeps the loop over vertices short
-    fn connect_others(
+    fn connect_others<D: DrawLanes>(
         &self,
         chosen: &[Option<ChosenLight>; LANES],
-        rngs: &mut Rngs,
+        rngs: &mut D,
         samples: &mut LightSamples,
     ) {
-        let mut own: [Rng; LANES] = from_fn(|lane| rngs.get(lane));
+        let mut own: [D::One; LANES] = from_fn(|lane| rngs.get(lane));
         let mut lights = [None; LANES];
         self.connect_each_chosen(chosen, &mut own, &mut lights);
-        for (lane, light) in lights.iter().enumerate() {
+        for (lane, (light, own)) in lights.iter().zip(own).enumerate() {
             if let Some(light) = light {
                 samples.target.set(lane, light.target);
                 samples.wi.set(lane, light.wi);
@@ -213,7 +214,7 @@ impl Lights {
                 samples.relative[lane] = light.relative;
                 samples.inverse_pdf_w[lane] = light.inverse_pdf_w;
             }
-            rngs.set(lane, own[lane]);
+            rngs.set(lane, own);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::{Emission, LightSample};
 use crate::base::math::{Rgb, luminance};
-use crate::base::rng::Rng;
+use crate::base::rng::Draw;
 use crate::scene::triangle::interpolate;
 use crate::scene::{Emitter, Texture, Triangle};
 use glam::{DVec3, Vec2, Vec3};
@@ -71,7 +71,12 @@ impl TexturedTriangle {
         self.shape.emit(|at| self.radiance(at), prob, numbers)
     }
 
-    pub(super) fn connect(&self, from: Vec3, prob: f32, rng: &mut Rng) -> Option<LightSample> {
+    pub(super) fn connect(
+        &self,
+        from: Vec3,
+        prob: f32,
+        rng: &mut impl Draw,
+    ) -> Option<LightSample> {
         let mut radiance = Rgb::ZERO;
         let at_point = |at| {
             radiance = self.radiance(at);

@@ -12,6 +12,7 @@ use crate::scene::coated_hits::{CoatedHits, CoatedScratch, CoatedVertices};
 use crate::scene::{Receiver, Receivers};
 use crate::settings::Settings;
 use crate::simd::dispatch::Simd;
+use crate::simd::draw::numbers_of;
 use crate::simd::{LANES, Mask, Vec3s, any};
 use crate::transport::gather::{GatherPoint, GatherView};
 use crate::transport::light_paths::survival;
@@ -204,7 +205,14 @@ impl CameraPaths {
         let receivers =
             Receivers { active: &at.active, position: &at.position, normal: &at.normal };
         let lights = pass.scene.lights();
-        let light = lights.connect_all(&receivers, &mut states.rng);
+        let light = if self.starts_from_points() {
+            let mut numbers = self.light_numbers(states);
+            let light = lights.connect_all(&receivers, &mut numbers);
+            states.rng = numbers.rngs;
+            light
+        } else {
+            lights.connect_all(&receivers, &mut states.rng)
+        };
         let (wide, rough) = at.bsdf.lobes(&light.wi);
         let mut back = LightDensities::default();
         if mis.balance.weighs_merges() {
@@ -260,7 +268,13 @@ impl CameraPaths {
         partials: &[CameraPartial; LANES],
         states: &mut PathStates,
     ) {
-        let numbers = [states.rng.next_1d(), states.rng.next_1d(), states.rng.next_1d()];
+        let mut numbers = [states.rng.next_1d(), states.rng.next_1d(), states.rng.next_1d()];
+        if self.starts_from_points() {
+            let words = self.direction_numbers(states);
+            for (numbers, words) in numbers.iter_mut().zip(&words) {
+                *numbers = numbers_of(words);
+            }
+        }
         let samples = at.bsdf.sample(&numbers);
         let ends = states.rng.next_1d();
         if self.records_aovs {

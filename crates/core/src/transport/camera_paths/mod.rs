@@ -9,6 +9,7 @@ mod medium;
 mod meter;
 mod mis;
 mod non_diffuse;
+mod points;
 mod shadow_rays;
 
 pub use aov::PathAov;
@@ -25,10 +26,13 @@ use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
 use crate::scene::{HitScratch, Scene, View};
 use crate::settings::Settings;
 use crate::simd::dispatch::{Simd, vectorized};
+use crate::simd::draw::numbers_of;
 use crate::simd::{LANES, Mask, Vec3s, any};
 use coated::CoatedSegments;
 pub use medium::{MediumBeam, MediumPoint};
 use mis::LastVertex;
+pub use points::CameraPoints;
+use points::FirstVertex;
 use shadow_rays::Connections;
 use std::{array::from_fn, mem};
 pub(super) use {meter::at_pane, non_diffuse::survives_passing};
@@ -59,6 +63,8 @@ pub struct CameraPass<'a> {
     pub key: StreamKey,
     /// Vertices before the last one gather, too.
     pub gather_early: bool,
+    /// Points that the paths start from; without them their numbers are independent.
+    pub points: Option<CameraPoints>,
 }
 
 /// Camera paths that are merged together, traced batch by batch; buffers are reused.
@@ -95,6 +101,8 @@ pub struct CameraPaths {
     /// AOVs of each path, if recorded.
     pub aovs: Vec<PathAov>,
     records_aovs: bool,
+    /// Numbers of the first vertices of the current batch; none after its first segments.
+    points: Vec<FirstVertex>,
 }
 
 impl CameraPass<'_> {
@@ -166,6 +174,7 @@ impl CameraPaths {
                 |simd| self.scatter(simd, pass),
             );
             self.add_connections(pass, coherence);
+            self.points.clear();
             coherence = Coherence::Incoherent;
         }
     }
@@ -174,6 +183,7 @@ impl CameraPaths {
     fn start(&mut self, simd: Simd, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
         self.segments.clear();
         self.first_path = self.direct.len();
+        self.points.clear();
         let mut started = self.first_path;
         let mut paths = paths.fuse();
         let (origin, weight) = (Vec3s::splat(pass.view.position), Vec3s::splat(Rgb::ONE));
@@ -195,10 +205,14 @@ impl CameraPaths {
             let first = started;
             started += count;
             let mut is_used = std::array::from_fn(|lane| lane < count);
-            for (lane, index) in index.into_iter().enumerate() {
-                states.rng.set(lane, pass.key.rng(index));
+            for (lane, index) in index.iter().enumerate() {
+                states.rng.set(lane, pass.key.rng(*index));
             }
-            let offsets = [states.rng.next_1d(), states.rng.next_1d()];
+            let mut offsets = states.rng.next_pair();
+            if let Some(points) = &pass.points {
+                let [u, v] = self.start_points(points, &index, count);
+                offsets = [numbers_of(&u), numbers_of(&v)];
+            }
             for lane in 0..LANES {
                 x[lane] += offsets[0][lane];
                 y[lane] += offsets[1][lane];
@@ -285,7 +299,14 @@ impl CameraPaths {
         let earlier = if mis.is_some() { self.earlier_merges(at, states) } else { [0.0; LANES] };
         let weights = at.weights(&states.weight);
         if pass.connects() {
-            let light = lights.connect_all(&at.receivers(), &mut states.rng);
+            let light = if self.starts_from_points() {
+                let mut numbers = self.light_numbers(states);
+                let light = lights.connect_all(&at.receivers(), &mut numbers);
+                states.rng = numbers.rngs;
+                light
+            } else {
+                lights.connect_all(&at.receivers(), &mut states.rng)
+            };
             // theory.md (42), third line
             let mut contributions = at.contributions(&weights, &light);
             if let Some(mis) = &mis {
@@ -323,7 +344,12 @@ impl CameraPaths {
             return;
         }
         states.origin = at.off_surface;
-        states.direction = at.sample(&mut states.rng);
+        let mut numbers = states.rng.next_pair();
+        if self.starts_from_points() {
+            let [_, u, v] = self.direction_numbers(states);
+            numbers = [numbers_of(&u), numbers_of(&v)];
+        }
+        states.direction = at.sample(&numbers);
         let continues = mis.is_some_and(|mis| mis.continues);
         let ends = if continues { states.rng.next_1d() } else { [0.0; LANES] };
         for (lane, goes_on) in goes_on.iter_mut().enumerate() {

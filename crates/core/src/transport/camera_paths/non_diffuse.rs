@@ -8,6 +8,7 @@ use crate::base::rng::Rng;
 use crate::scene::bsdf::{Lobe, LobeSet, LobeValue, Transport, Vertex};
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::{LightSample, Receiver, Scene, Surface};
+use crate::simd::draw::{KNOWN, OneKnownFirst};
 use crate::simd::{LANES, lanes_of};
 use crate::transport::light_paths::survival;
 use crate::transport::path_state::{PathState, PathStates, other_surface};
@@ -158,7 +159,18 @@ impl CameraPaths {
         }
         let lights = pass.scene.lights();
         let mut samples = [None; LANES];
-        lights.connect_each(&receivers[..count], &mut rngs[..count], &mut samples[..count]);
+        if self.starts_from_points() {
+            let mut known = [OneKnownFirst::new(Rng::default(), [0; KNOWN]); LANES];
+            for (known, &(number, _)) in known.iter_mut().zip(&lobes[..count]) {
+                *known = self.one_light(&others[number].state);
+            }
+            lights.connect_each(&receivers[..count], &mut known[..count], &mut samples[..count]);
+            for (rng, known) in rngs.iter_mut().zip(known) {
+                *rng = known.rng;
+            }
+        } else {
+            lights.connect_each(&receivers[..count], &mut rngs[..count], &mut samples[..count]);
+        }
         for (i, &(number, connected)) in lobes[..count].iter().enumerate() {
             let Other { surface, state } = &mut others[number];
             state.rng = rngs[i];

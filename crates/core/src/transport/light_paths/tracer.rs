@@ -246,7 +246,7 @@ impl Tracer {
         states: &mut PathStates,
     ) -> Mask {
         states.origin = at.off_surface;
-        states.direction = at.sample(&mut states.rng);
+        states.direction = at.sample(&states.rng.next_pair());
         let ends = states.rng.next_1d();
         let (mut goes_on, mut expected) = (Mask::default(), [0.0; LANES]);
         for lane in 0..LANES {
@@ -290,7 +290,7 @@ impl Tracer {
                 let stream = u64::from(number) << 32 | u64::from(states.path[lane]);
                 states.rng.set(lane, pass.key.rng(stream));
             }
-            states.direction = at.sample(&mut states.rng);
+            states.direction = at.sample(&states.rng.next_pair());
             self.next.append(simd, &goes_on, &states);
         }
     }

@@ -2,7 +2,7 @@
 
 use super::{Environment, REGIONS_ACROSS, Row};
 use crate::base::math::{Rgb, sin_cos_turns};
-use crate::base::rng::Rng;
+use crate::base::rng::Draw;
 use crate::scene::lights::cutpoints::{Bucket, Choice, Cutpoints};
 use crate::scene::lights::{LightSample, Receiver};
 use crate::simd::LANES;
@@ -99,7 +99,7 @@ impl Environment {
     /// The numbers for a direction to connect with: anywhere, or in a region.
     pub(in crate::scene::lights) fn connection_numbers(
         region: Option<usize>,
-        rng: &mut Rng,
+        rng: &mut impl Draw,
     ) -> [f64; 2] {
         let Some(region) = region else { return [rng.next_f64(), rng.next_f64()] };
         let corner = [region % REGIONS_ACROSS, region / REGIONS_ACROSS];

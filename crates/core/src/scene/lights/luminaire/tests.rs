@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::base::math::{luminance, uniform_sphere};
-use crate::base::rng::{Stream, StreamKey};
+use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::scene::Photometry;
 use glam::DQuat;
 use std::f64::consts::{PI as PI64, TAU as TAU64};

@@ -1,0 +1,59 @@
+//! How much less noise an image has because its camera paths start from Sobol points: theory.md,
+//! section 11a.
+
+use super::combined_image::CombinedImage;
+use crate::film::cells::CellGrid;
+use crate::film::halves::HALVES;
+use crate::film::radiance::box_filter;
+use rayon::prelude::*;
+
+/// Minimum number of cells of an image whose factor is estimated: the standard deviation of the
+/// estimate is about the root of two over this number.
+const MIN_CELLS: usize = 2048;
+
+/// Minimum number of iterations: with fewer, sets have a single point.
+const MIN_ITERATIONS: u64 = 16;
+
+/// Share of the squared mean that is added to the square of each cell: theory.md (70a).
+const DARK: f64 = 0.01;
+
+/// Luminance of both halves of an image and the sums of the weights of their iterations.
+pub(super) struct HalfMeans {
+    /// Means of each cell in row order.
+    pub means: Vec<[f64; HALVES]>,
+    /// Sums of the weights.
+    pub totals: [f64; HALVES],
+}
+
+/// Variance of the image over that of as many independent iterations, at most 1; 1 where it is not
+/// known. `variance` has that of independent iterations, the mean over the pixels of each cell.
+/// theory.md (44b)
+pub(super) fn set_factor(image: &CombinedImage, halves: &HalfMeans, variance: &[f64]) -> f64 {
+    let grid = image.grid();
+    if grid.len() < MIN_CELLS || image.iterations() < MIN_ITERATIONS {
+        return 1.0;
+    }
+    let HalfMeans { means, totals: [first, second] } = halves;
+    let weights = weights(grid, means);
+    let share = first * second / (first + second).powi(2);
+    let sums = means.par_iter().zip(variance).zip(&weights).enumerate().map(
+        |(cell, (([one, other], variance), weight))| {
+            let between = grid.pixels_of(cell) * share * (one - other).powi(2);
+            [weight * between, weight * variance]
+        },
+    );
+    // Added in order: the sum does not depend on the threads.
+    let sums: Vec<[f64; 2]> = sums.collect();
+    let [between, independent] = sums.iter().fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
+    let factor = between / independent;
+    if factor.is_finite() && factor > 0.0 { factor.min(1.0) } else { 1.0 }
+}
+
+/// Reciprocals of the squared luminance around each cell.
+fn weights(grid: CellGrid, means: &[[f64; HALVES]]) -> Vec<f64> {
+    let (width, height) = grid.size();
+    let own: Vec<[f64; 1]> = means.iter().map(|[one, other]| [0.5 * (one + other)]).collect();
+    let mean = own.iter().map(|[own]| own).sum::<f64>() / own.len() as f64;
+    let around = box_filter(&own, width, height);
+    around.into_iter().map(|[own]| (own * own + DARK * mean * mean).recip()).collect()
+}
