@@ -32,7 +32,15 @@ impl<'a> Squares<'a> {
         let Settings { width, height, camera_paths, .. } = *settings;
         let key = StreamKey::new(1, Stream::CameraPath, 0);
         let view = scene.camera.view(width, height);
-        let pass = CameraPass { scene, view, accel: &**accel, settings, key, gather_early: false };
+        let pass = CameraPass {
+            scene,
+            view,
+            accel: &**accel,
+            settings,
+            key,
+            gather_early: false,
+            directions: None,
+        };
         let side = (together as u32 / camera_paths).isqrt();
         let (columns, rows) = (width / side, height / side);
         let count = LOOK_UPS.div_ceil(side * side * camera_paths).min(columns * rows);

@@ -33,6 +33,7 @@ fn batches_merged_together_equal_one_batch() {
             settings: &settings,
             key: StreamKey::new(1, Stream::CameraPath, 0),
             gather_early: true,
+            directions: None,
         };
         let ids: Vec<CameraPathId> = (0..SIDE * SIDE)
             .map(|pixel| CameraPathId { x: pixel % SIDE, y: pixel / SIDE, index: 3 })

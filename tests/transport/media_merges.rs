@@ -121,6 +121,7 @@ fn assert_merges_nest(scene: &Scene, accel: &dyn Intersect, medium_query: Medium
         settings: &settings,
         key: StreamKey::new(1, Stream::CameraPath, 0),
         gather_early: true,
+        directions: None,
     };
     let mut paths = CameraPaths::default();
     let ids = (0..SIDE * SIDE * 4).map(|i| CameraPathId {

@@ -138,6 +138,7 @@ impl Renderer {
             settings,
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
             gather_early: mis.is_some() || self.found_caustic_photons(),
+            directions: self.directions(),
         };
         let options = MergeOptions {
             mis,

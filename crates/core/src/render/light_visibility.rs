@@ -74,6 +74,7 @@ fn receivers(
         settings: &settings,
         key: StreamKey::new(SEED, Stream::CameraPath, 0),
         gather_early: true,
+        directions: None,
     };
     let rows = (0..side).into_par_iter().flat_map_iter(|y| {
         let mut paths = CameraPaths::default();
