@@ -114,7 +114,16 @@ fn camera_pass<'a>(
 ) -> CameraPass<'a> {
     let view = scene.camera.view(settings.width, settings.height);
     let key = StreamKey::new(1, Stream::CameraPath, 0);
-    CameraPass { scene, view, accel: &**accel, settings, key, gather_early: false, points: None }
+    CameraPass {
+        scene,
+        view,
+        accel: &**accel,
+        settings,
+        key,
+        gather_early: false,
+        points: None,
+        directions: None,
+    }
 }
 
 /// The phases alone.

@@ -40,6 +40,7 @@ impl<'a> Squares<'a> {
             key,
             gather_early: false,
             points: None,
+            directions: None,
         };
         let side = (together as u32 / camera_paths).isqrt();
         let (columns, rows) = (width / side, height / side);

@@ -56,6 +56,7 @@ class Settings(TypedDict, total=False):
     sobol_set: int
     splitting: int
     light_visibility: int
+    direction_guide: int
     direct: Literal["connect", "photon-map"]
     seed: int
 

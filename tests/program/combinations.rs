@@ -24,6 +24,7 @@ const OPTIONS: &[&str] = &[
     "--kernel disc",
     "--guide 1",
     "--light-visibility 100",
+    "--direction-guide 100",
     "--medium-scale 3",
     "--medium-query points",
     "--wavelength-width 0.1",

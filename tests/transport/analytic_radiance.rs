@@ -128,6 +128,7 @@ fn integrating_sphere_bounce_by_bounce_from_the_camera() {
             key: StreamKey::new(1, Stream::CameraPath, 0),
             gather_early: false,
             points: None,
+            directions: None,
         };
         let mut paths = CameraPaths::default();
         let id = |i: u32| CameraPathId { x: i % 64, y: i / 64, index: 0 };

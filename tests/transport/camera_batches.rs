@@ -34,6 +34,7 @@ fn batches_merged_together_equal_one_batch() {
             key: StreamKey::new(1, Stream::CameraPath, 0),
             gather_early: true,
             points: None,
+            directions: None,
         };
         let ids: Vec<CameraPathId> = (0..SIDE * SIDE)
             .map(|pixel| CameraPathId { x: pixel % SIDE, y: pixel / SIDE, index: 3 })

@@ -201,6 +201,7 @@ fn layers_of_a_fisheye_are_those_of_its_pixels() {
         key: bdpm::base::rng::StreamKey::new(1, bdpm::base::rng::Stream::CameraPath, 0),
         gather_early: true,
         points: None,
+        directions: None,
     };
     let ids = (0..side * side).map(|i| bdpm::transport::camera_paths::CameraPathId {
         x: i % side,

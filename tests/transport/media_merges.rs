@@ -122,6 +122,7 @@ fn assert_merges_nest(scene: &Scene, accel: &dyn Intersect, medium_query: Medium
         key: StreamKey::new(1, Stream::CameraPath, 0),
         gather_early: true,
         points: None,
+        directions: None,
     };
     let mut paths = CameraPaths::default();
     let ids = (0..SIDE * SIDE * 4).map(|i| CameraPathId {

@@ -12,6 +12,7 @@ mod camera_batches;
 mod cameras;
 mod crop;
 mod diffuse_transmission;
+mod direction_guide;
 mod dispersion;
 mod far;
 mod goniometer;

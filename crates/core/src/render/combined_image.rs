@@ -171,7 +171,7 @@ impl<'a> CombinedImage<'a> {
     }
 
     /// Variance of the image over that of as many independent iterations: less than 1 if camera
-    /// paths start from Sobol points. theory.md (44b)
+    /// paths start from Sobol points. theory.md (44g)
     pub fn set_factor(&self) -> f64 {
         if !self.blocks.iter().all(|block| block.starts_from_points) {
             return 1.0;

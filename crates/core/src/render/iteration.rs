@@ -139,6 +139,7 @@ impl Renderer {
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
             gather_early: mis.is_some() || self.found_caustic_photons(),
             points: CameraPoints::of(scene, settings, iteration),
+            directions: self.directions(),
         };
         let options = MergeOptions {
             mis,

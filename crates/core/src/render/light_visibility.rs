@@ -75,6 +75,7 @@ fn receivers(
         key: StreamKey::new(SEED, Stream::CameraPath, 0),
         gather_early: true,
         points: None,
+        directions: None,
     };
     let rows = (0..side).into_par_iter().flat_map_iter(|y| {
         let mut paths = CameraPaths::default();

@@ -6,6 +6,7 @@ pub mod audit;
 mod aov_sums;
 pub mod bias_over_noise;
 pub mod bias_correction;
+mod direction_learning;
 pub mod findable_light;
 pub mod block;
 pub mod combined_image;
@@ -52,6 +53,7 @@ use crate::transport::photon::PhotonClass;
 use crate::transport::photon_map::PhotonMap;
 use accumulators::SharedStatistics;
 use block::Block;
+use direction_learning::LearnedDirections;
 use memory::{bytes_per_light_path, check_memory, film_bytes};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -140,6 +142,8 @@ pub struct Renderer {
     medium_photons: MediumPhotons,
     /// Where surfaces are near, in scenes with media.
     clearance: Option<Arc<Clearance>>,
+    /// Guide of the directions from diffuse vertices, once it was learned.
+    directions: LearnedDirections,
     workers: Pool<Worker>,
     /// Abandons the first iteration once it is true.
     interrupt: Option<Arc<AtomicBool>>,
@@ -166,7 +170,7 @@ impl Renderer {
         let located = scene.media().map(|_| Arc::new(scene.with_start_media(&**accel)));
         let scene = located.as_ref().unwrap_or(scene);
         let scene = light_visibility::learned(scene, &**accel, &settings);
-        Self::unguided(&scene, accel, settings)?.with_learned_guide()
+        Self::unguided(&scene, accel, settings)?.with_learned_directions().with_learned_guide()
     }
 
     fn unguided(
@@ -238,6 +242,7 @@ impl Renderer {
             medium_photons: MediumPhotons::default(),
             clearance,
             workers: Pool::default(),
+            directions: Arc::default(),
             interrupt: None,
         })
     }
@@ -274,7 +279,11 @@ impl Renderer {
                 self.clearance.as_ref(),
             )?
         };
-        let renderer = Self { interrupt: self.interrupt.clone(), ..renderer };
+        let mut renderer = Self { interrupt: self.interrupt.clone(), ..renderer };
+        if self.learns_directions_of(&renderer) {
+            renderer.directions = Arc::clone(&self.directions);
+        }
+        let renderer = renderer.with_learned_directions();
         // The guide depends neither on the path counts and sets nor on the seed.
         let Settings { light_paths, camera_paths, sobol_set, seed, mis_scales, .. } = self.settings;
         let new = &renderer.settings;

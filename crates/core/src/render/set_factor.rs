@@ -1,5 +1,5 @@
 //! How much less noise an image has because its camera paths start from Sobol points: theory.md,
-//! section 11a.
+//! section 11b.
 
 use super::combined_image::CombinedImage;
 use crate::film::cells::CellGrid;
@@ -27,7 +27,7 @@ pub(super) struct HalfMeans {
 
 /// Variance of the image over that of as many independent iterations, at most 1; 1 where it is not
 /// known. `variance` has that of independent iterations, the mean over the pixels of each cell.
-/// theory.md (44b)
+/// theory.md (44g)
 pub(super) fn set_factor(image: &CombinedImage, halves: &HalfMeans, variance: &[f64]) -> f64 {
     let grid = image.grid();
     if grid.len() < MIN_CELLS || image.iterations() < MIN_ITERATIONS {

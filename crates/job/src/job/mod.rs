@@ -361,7 +361,7 @@ impl RenderJob {
 
     /// Layers to accumulate: the selected ones and those that the denoiser needs.
     fn kept_aovs(&self, settings: &Settings, audit: Option<AuditPace>) -> AovSelection {
-        // Images whose bias is corrected have halves of their own. theory.md (44b)
+        // Images whose bias is corrected have halves of their own. theory.md (44g)
         let halves = CameraPoints::are_used(settings)
             || audit.is_some() && settings.has_photons() && settings.bias == Bias::Keep;
         AovSelection {

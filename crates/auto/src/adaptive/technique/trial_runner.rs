@@ -113,6 +113,10 @@ impl<'a> TrialRunner<'a> {
     pub fn new(renderer: &'a Renderer, seconds: f64) -> Result<Self> {
         let (scene, accel) = renderer.scene_and_accel();
         let settings = renderer.settings();
+        if settings.direction_guide > 0 {
+            // Before the trials, so that none of them takes longer for it.
+            renderer.learn_directions();
+        }
         let stride = |paths: f64| {
             let sample = paths / f64::from(TRIAL_CAMERA_PATHS);
             let stride = (settings.pixels() as f64 / sample).sqrt() as u32;

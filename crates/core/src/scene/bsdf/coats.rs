@@ -153,6 +153,8 @@ pub struct CoatSamples {
     pub pdf_w: [f32; LANES],
     /// Largest channels of the values of that class, 1/sr.
     pub value: [f32; LANES],
+    /// Shares of the densities that are those of the bases.
+    pub base_share: [f32; LANES],
 }
 
 impl CoatedBases {
@@ -369,6 +371,17 @@ impl SeenCoats {
     /// Samples directions from three uniform numbers each; see [`Bsdf::sample`].
     #[inline(always)]
     pub fn sample(&self, u: &[[f32; LANES]; 3]) -> CoatSamples {
+        let mut diffuse = Vec3s::default();
+        for lane in 0..LANES {
+            let numbers = [u[1][lane], u[2][lane]];
+            diffuse.set(lane, cosine_hemisphere(self.normal.get(lane), numbers));
+        }
+        self.sample_around(u, &diffuse)
+    }
+
+    /// [`Self::sample`] with these directions of the bases.
+    #[inline(always)]
+    pub fn sample_around(&self, u: &[[f32; LANES]; 3], diffuse: &Vec3s) -> CoatSamples {
         let mut samples = CoatSamples::default();
         let mut takes_facets = Mask::default();
         for lane in 0..LANES {
@@ -376,7 +389,7 @@ impl SeenCoats {
             let takes_coat = (prob >= 1.0) | (u[0][lane] < prob);
             let is_smooth = self.coats.alpha[lane] == 0.0;
             let (normal, wo) = (self.normal.get(lane), self.wo.get(lane));
-            let diffuse = cosine_hemisphere(normal, [u[1][lane], u[2][lane]]);
+            let diffuse = diffuse.get(lane);
             let mirrored = normal * (2.0 * self.cos[lane]) - wo;
             samples.is_delta[lane] = takes_coat & is_smooth;
             takes_facets[lane] = takes_coat & !is_smooth & (self.cos[lane] > 0.0);
@@ -408,6 +421,8 @@ impl SeenCoats {
             samples.is_some[lane] = is_seen & ((pdf_w > 0.0) | is_delta) & (cos_i > 0.0);
             samples.weight.set(lane, weight);
             samples.pdf_w[lane] = if is_delta { 0.0 } else { pdf_w };
+            let base_pdf_w = if takes_base & !is_delta { scales.base_pdf_w[lane] } else { 0.0 };
+            samples.base_share[lane] = base_pdf_w / pdf_w.max(1e-30);
             samples.value[lane] = value.max_element();
         }
         samples

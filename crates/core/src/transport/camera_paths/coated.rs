@@ -2,6 +2,7 @@
 //! whose surfaces have textures, smooth normals and varnish. One path at a time,
 //! [`non_diffuse`](super::non_diffuse) does the same, for all surfaces and strategies.
 
+use super::directions::{coated_directions, coated_vertices};
 use super::mis::LastVertex;
 use super::non_diffuse::{LONG_CHAIN, LONG_CHAIN_END, WEIGHT_FLOOR};
 use super::{CameraPass, CameraPaths, Connections};
@@ -127,7 +128,7 @@ impl CameraPaths {
                 self.gather_coated(pass, &mis, &at, &partials, states);
             }
             self.connect_coated(simd, pass, &mis, &at, &partials, states);
-            self.leave_coated(simd, &mis, &at, &partials, states);
+            self.leave_coated(simd, pass, &mis, &at, &partials, states);
         }
         self.coated.clear();
     }
@@ -263,6 +264,7 @@ impl CameraPaths {
     fn leave_coated(
         &mut self,
         simd: Simd,
+        pass: &CameraPass,
         mis: &Mis,
         at: &CoatedVertices,
         partials: &[CameraPartial; LANES],
@@ -275,7 +277,7 @@ impl CameraPaths {
                 *numbers = numbers_of(words);
             }
         }
-        let samples = at.bsdf.sample(&numbers);
+        let (samples, guided) = coated_directions(pass, at, &numbers);
         let ends = states.rng.next_1d();
         if self.records_aovs {
             self.record_rough_samples(&at.active, &samples, states);
@@ -304,12 +306,19 @@ impl CameraPaths {
             let survival = if passes { passing } else { scattering };
             let is_left = samples.is_some[lane] & at.agrees(lane, wi);
             goes_on[lane] = at.active[lane] & is_left & (ends[lane] < survival);
-            states.weight.set(lane, carried / survival);
+            states.weight.set(lane, carried * guided[lane] / survival);
         }
         let left = Left { samples: &samples, density: &density, goes_on: &goes_on };
         self.set_last_vertices(mis, at, &before, partials, &left, &states.path);
         states.origin = at.off_surface;
         states.direction = samples.wi;
+        if self.recorder.is_some() {
+            let mut recorded = goes_on;
+            for lane in 0..LANES {
+                recorded[lane] &= !samples.passes_through[lane] & !samples.is_delta[lane];
+            }
+            self.record_directions(&coated_vertices(&recorded, at), states, &guided);
+        }
         self.next.append(simd, &goes_on, states);
     }
 

@@ -3,6 +3,7 @@
 
 mod aov;
 mod coated;
+mod directions;
 mod equiangular;
 mod gather;
 mod medium;
@@ -14,6 +15,7 @@ mod shadow_rays;
 
 pub use aov::PathAov;
 
+use super::direction_guide::DirectionGuide;
 use super::gather::{GatherPoints, GatherView};
 use super::light_paths::survival;
 use super::mis::Mis;
@@ -29,6 +31,8 @@ use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::draw::numbers_of;
 use crate::simd::{LANES, Mask, Vec3s, any};
 use coated::CoatedSegments;
+pub use directions::{DirectionRecorder, RecordedDirection};
+use directions::{diffuse_directions, guided_vertices};
 pub use medium::{MediumBeam, MediumPoint};
 use mis::LastVertex;
 pub use points::CameraPoints;
@@ -65,6 +69,8 @@ pub struct CameraPass<'a> {
     pub gather_early: bool,
     /// Points that the paths start from; without them their numbers are independent.
     pub points: Option<CameraPoints>,
+    /// Guide of the directions from diffuse vertices.
+    pub directions: Option<&'a DirectionGuide>,
 }
 
 /// Camera paths that are merged together, traced batch by batch; buffers are reused.
@@ -100,6 +106,8 @@ pub struct CameraPaths {
     last_vertices: Vec<LastVertex>,
     /// AOVs of each path, if recorded.
     pub aovs: Vec<PathAov>,
+    /// Directions of diffuse vertices, if recorded.
+    pub recorder: Option<DirectionRecorder>,
     records_aovs: bool,
     /// Numbers of the first vertices of the current batch; none after its first segments.
     points: Vec<FirstVertex>,
@@ -175,8 +183,10 @@ impl CameraPaths {
             );
             self.add_connections(pass, coherence);
             self.points.clear();
+            self.end_current_directions();
             coherence = Coherence::Incoherent;
         }
+        self.end_directions();
     }
 
     #[inline(always)] // vectorized
@@ -343,25 +353,45 @@ impl CameraPaths {
         if !any(&goes_on) {
             return;
         }
+        self.continue_diffuse(simd, pass, at, states, (&vertex, &earlier), goes_on);
+    }
+
+    /// Continues the paths that go on from diffuse vertices of these numbers. `earlier` has the
+    /// densities of merges at earlier vertices.
+    #[inline(always)] // vectorized
+    fn continue_diffuse(
+        &mut self,
+        simd: Simd,
+        pass: &CameraPass,
+        at: &DiffuseVertices,
+        states: &mut PathStates,
+        (vertex, earlier): (&[u32; LANES], &[f32; LANES]),
+        mut goes_on: Mask,
+    ) {
         states.origin = at.off_surface;
         let mut numbers = states.rng.next_pair();
         if self.starts_from_points() {
             let [_, u, v] = self.direction_numbers(states);
             numbers = [numbers_of(&u), numbers_of(&v)];
         }
-        states.direction = at.sample(&numbers);
+        let (directions, guided) = diffuse_directions(pass, at, &goes_on, &numbers);
+        states.direction = directions;
+        let mis = self.mis;
         let continues = mis.is_some_and(|mis| mis.continues);
         let ends = if continues { states.rng.next_1d() } else { [0.0; LANES] };
         for (lane, goes_on) in goes_on.iter_mut().enumerate() {
             let albedo = at.albedo.get(lane);
             // theory.md (43): paths that are cut survive up to their last vertex
             let survival = if continues & (vertex[lane] > 1) { survival(albedo) } else { 1.0 };
-            *goes_on &= (albedo != Rgb::ZERO) & (ends[lane] < survival);
+            *goes_on &= (albedo != Rgb::ZERO) & (ends[lane] < survival) & (guided[lane] > 0.0);
             // theory.md (41)
-            states.weight.set(lane, states.weight.get(lane) * (albedo / survival));
+            states.weight.set(lane, states.weight.get(lane) * (albedo * guided[lane] / survival));
         }
         if let Some(mis) = &mis {
-            self.leave_diffuse(mis, at, states, &vertex, &earlier, &goes_on);
+            self.leave_diffuse(mis, at, states, vertex, earlier, &goes_on);
+        }
+        if self.recorder.is_some() {
+            self.record_directions(&guided_vertices(&goes_on, at), states, &guided);
         }
         self.next.append(simd, &goes_on, states);
     }

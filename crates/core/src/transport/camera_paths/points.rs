@@ -1,5 +1,5 @@
 //! Camera paths from Sobol points: the paths of a pixel, over all iterations, fill pixel, light
-//! sources and directions evenly. theory.md, section 11a.
+//! sources and directions evenly. theory.md, section 11b.
 
 use super::CameraPaths;
 use crate::base::rng::{Stream, StreamKey};
@@ -49,7 +49,7 @@ impl CameraPoints {
         is_used.then(|| Self::new(settings, iteration))
     }
 
-    /// theory.md (44a)
+    /// theory.md (44f)
     fn new(settings: &Settings, iteration: u64) -> Self {
         let (set, index) = (iteration % SETS, iteration / SETS);
         let most = u64::from(MAX_POINTS);
