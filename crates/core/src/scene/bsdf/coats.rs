@@ -372,9 +372,8 @@ impl SeenCoats {
     #[inline(always)]
     pub fn sample(&self, u: &[[f32; LANES]; 3]) -> CoatSamples {
         let mut diffuse = Vec3s::default();
-        for lane in 0..LANES {
-            let numbers = [u[1][lane], u[2][lane]];
-            diffuse.set(lane, cosine_hemisphere(self.normal.get(lane), numbers));
+        for (lane, (u, v)) in u[1].iter().zip(&u[2]).enumerate() {
+            diffuse.set(lane, cosine_hemisphere(self.normal.get(lane), [*u, *v]));
         }
         self.sample_around(u, &diffuse)
     }

@@ -314,8 +314,8 @@ impl CameraPaths {
         states.direction = samples.wi;
         if self.recorder.is_some() {
             let mut recorded = goes_on;
-            for lane in 0..LANES {
-                recorded[lane] &= !samples.passes_through[lane] & !samples.is_delta[lane];
+            for (lane, recorded) in recorded.iter_mut().enumerate() {
+                *recorded &= !samples.passes_through[lane] & !samples.is_delta[lane];
             }
             self.record_directions(&coated_vertices(&recorded, at), states, &guided);
         }

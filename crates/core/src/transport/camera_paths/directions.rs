@@ -109,7 +109,7 @@ impl CameraPaths {
         factors: &[f32; LANES],
     ) {
         let Some(recorder) = &mut self.recorder else { return };
-        for lane in 0..LANES {
+        for (lane, factor) in factors.iter().enumerate() {
             let wi = states.direction.get(lane);
             let cos = wi.dot(at.shading_normal.get(lane));
             if !at.active[lane] || cos < MIN_COSINE {
@@ -121,7 +121,7 @@ impl CameraPaths {
                 normal: at.normal.get(lane),
                 wi,
                 cosine_pdf_w,
-                pdf_w: cosine_pdf_w / factors[lane],
+                pdf_w: cosine_pdf_w / factor,
                 path: states.path[lane] - self.first_path as u32,
                 contribution: 0.0,
             };

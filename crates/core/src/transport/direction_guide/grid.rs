@@ -66,7 +66,7 @@ impl Grid {
     #[inline(always)]
     pub fn voxel(&self, position: Vec3) -> [u32; 3] {
         let at = (position - self.low) * self.inverse_side;
-        let of = |x: f32, count: u32| (x.max(0.0).min(1024.0) as i32 as u32).min(count - 1);
+        let of = |x: f32, count: u32| (x.clamp(0.0, 1024.0) as i32 as u32).min(count - 1);
         [of(at.x, self.count.x), of(at.y, self.count.y), of(at.z, self.count.z)]
     }
 
