@@ -17,6 +17,8 @@ says, this changes:
 - opaque surfaces are `twosided`, for bdpm shows the back of each,
 - a shape whose file is missing is left out, with a line that says so, and so are surfaces and textures without a user;
   the case of a file's name is that of the file,
+- the sampler is `independent`, and what Mitsuba 3 does not know is dropped: `high_quality_edges` of the film, the
+  distribution of smooth materials,
 - sun and sky are the map that --sky names, for the plugin `sunsky` is another one in Mitsuba 3.
 
 Surfaces, lights, colors, refractive indices and cameras stay.
