@@ -464,8 +464,8 @@ impl<'a> CombinedImage<'a> {
     }
 }
 
-/// The factor of a block in the variance of the mean of its iterations, from that in the variance of
-/// one.
+/// The factor of a block in the variance of the mean of its iterations, from that in the variance
+/// of one.
 fn of_mean((block, factor): (&Block, f64)) -> (&Block, f64) {
     (block, factor * block.film.iterations as f64)
 }

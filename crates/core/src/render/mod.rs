@@ -70,10 +70,8 @@ const MAX_LARGE_BLOCKS: usize = 2;
 
 /// Maximum number of blocks of a render with these settings that chooses its counts.
 pub fn max_blocks(settings: &Settings) -> usize {
-    match CellGrid::of(settings.resolution()).is_single_pixels() {
-        true => MAX_BLOCKS,
-        false => MAX_LARGE_BLOCKS,
-    }
+    let is_small = CellGrid::of(settings.resolution()).is_single_pixels();
+    if is_small { MAX_BLOCKS } else { MAX_LARGE_BLOCKS }
 }
 
 /// A part of the merges, whose bias is measured alone.

@@ -124,8 +124,8 @@ impl DiffuseVertices {
         contributions
     }
 
-    /// Samples a new direction for each path by two numbers, in proportion to the cosine: its weight
-    /// is the albedo.
+    /// Samples a new direction for each path by two numbers, in proportion to the cosine: its
+    /// weight is the albedo.
     #[inline(always)]
     pub fn sample(&self, [u, v]: &[[f32; LANES]; 2]) -> Vec3s {
         let mut directions = Vec3s::default();

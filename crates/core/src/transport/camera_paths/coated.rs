@@ -13,7 +13,6 @@ use crate::scene::coated_hits::{CoatedHits, CoatedScratch, CoatedVertices};
 use crate::scene::{Receiver, Receivers};
 use crate::settings::Settings;
 use crate::simd::dispatch::Simd;
-use crate::simd::draw::numbers_of;
 use crate::simd::{LANES, Mask, Vec3s, any};
 use crate::transport::gather::{GatherPoint, GatherView};
 use crate::transport::light_paths::survival;
@@ -206,14 +205,7 @@ impl CameraPaths {
         let receivers =
             Receivers { active: &at.active, position: &at.position, normal: &at.normal };
         let lights = pass.scene.lights();
-        let light = if self.starts_from_points() {
-            let mut numbers = self.light_numbers(states);
-            let light = lights.connect_all(&receivers, &mut numbers);
-            states.rng = numbers.rngs;
-            light
-        } else {
-            lights.connect_all(&receivers, &mut states.rng)
-        };
+        let light = self.light_samples(lights, &receivers, states);
         let (wide, rough) = at.bsdf.lobes(&light.wi);
         let mut back = LightDensities::default();
         if mis.balance.weighs_merges() {
@@ -270,13 +262,7 @@ impl CameraPaths {
         partials: &[CameraPartial; LANES],
         states: &mut PathStates,
     ) {
-        let mut numbers = [states.rng.next_1d(), states.rng.next_1d(), states.rng.next_1d()];
-        if self.starts_from_points() {
-            let words = self.direction_numbers(states);
-            for (numbers, words) in numbers.iter_mut().zip(&words) {
-                *numbers = numbers_of(words);
-            }
-        }
+        let numbers = self.lobe_numbers(states);
         let (samples, guided) = coated_directions(pass, at, &numbers);
         let ends = states.rng.next_1d();
         if self.records_aovs {

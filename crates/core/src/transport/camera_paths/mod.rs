@@ -229,19 +229,7 @@ impl CameraPaths {
                 states.path[lane] = (first + lane) as u32;
             }
             if !pass.view.is_pinhole() || pass.scene.meters().is_some() {
-                for lane in 0..count {
-                    let (_, mut state) = states.get(lane);
-                    let lens = state.rng.next_2d();
-                    let (ray, weight) = pass.scene.camera_ray(&pass.view, x[lane], y[lane], lens);
-                    state.weight = Rgb::splat(weight);
-                    state.inverse_start = weight.recip();
-                    states.set(lane, &ray, &state);
-                    // Nothing is visible outside the image circle of a fisheye.
-                    is_used[lane] = weight > 0.0;
-                    if pass.scene.measures_irradiance() {
-                        self.connect_meter(pass, [x[lane], y[lane]], &mut states, lane);
-                    }
-                }
+                self.aim(pass, [&x, &y], &mut states, &mut is_used);
             } else {
                 states.direction = pass.view.pinhole_directions(&x, &y);
             }
@@ -255,6 +243,30 @@ impl CameraPaths {
             self.segments.append(simd, &is_used, &states);
         }
         self.direct.resize(started, Rgb::ZERO);
+    }
+
+    /// Sets the rays of the used lanes, which start on a lens or at a meter.
+    #[inline(never)] // keeps the loop over pinhole cameras short
+    fn aim(
+        &mut self,
+        pass: &CameraPass,
+        [x, y]: [&[f32; LANES]; 2],
+        states: &mut PathStates,
+        is_used: &mut Mask,
+    ) {
+        for (lane, is_used) in is_used.iter_mut().enumerate().filter(|(_, is_used)| **is_used) {
+            let (_, mut state) = states.get(lane);
+            let lens = state.rng.next_2d();
+            let (ray, weight) = pass.scene.camera_ray(&pass.view, x[lane], y[lane], lens);
+            state.weight = Rgb::splat(weight);
+            state.inverse_start = weight.recip();
+            states.set(lane, &ray, &state);
+            // Nothing is visible outside the image circle of a fisheye.
+            *is_used = weight > 0.0;
+            if pass.scene.measures_irradiance() {
+                self.connect_meter(pass, [x[lane], y[lane]], states, lane);
+            }
+        }
     }
 
     /// Handles all hits: adds emission, connects, stores gather points, and finds the next
@@ -309,14 +321,7 @@ impl CameraPaths {
         let earlier = if mis.is_some() { self.earlier_merges(at, states) } else { [0.0; LANES] };
         let weights = at.weights(&states.weight);
         if pass.connects() {
-            let light = if self.starts_from_points() {
-                let mut numbers = self.light_numbers(states);
-                let light = lights.connect_all(&at.receivers(), &mut numbers);
-                states.rng = numbers.rngs;
-                light
-            } else {
-                lights.connect_all(&at.receivers(), &mut states.rng)
-            };
+            let light = self.light_samples(lights, &at.receivers(), states);
             // theory.md (42), third line
             let mut contributions = at.contributions(&weights, &light);
             if let Some(mis) = &mis {
@@ -369,11 +374,7 @@ impl CameraPaths {
         mut goes_on: Mask,
     ) {
         states.origin = at.off_surface;
-        let mut numbers = states.rng.next_pair();
-        if self.starts_from_points() {
-            let [_, u, v] = self.direction_numbers(states);
-            numbers = [numbers_of(&u), numbers_of(&v)];
-        }
+        let numbers = self.direction_numbers(states);
         let (directions, guided) = diffuse_directions(pass, at, &goes_on, &numbers);
         states.direction = directions;
         let mis = self.mis;

@@ -3,9 +3,9 @@
 
 use super::CameraPaths;
 use crate::base::rng::{Stream, StreamKey};
-use crate::scene::Scene;
+use crate::scene::{LightSamples, Lights, Receivers, Scene};
 use crate::settings::Settings;
-use crate::simd::draw::{KNOWN, KnownFirst, OneKnownFirst};
+use crate::simd::draw::{KNOWN, KnownFirst, OneKnownFirst, numbers_of};
 use crate::simd::sobol::{MAX_POINTS, POINT_DIMENSIONS, SobolPoint};
 use crate::simd::{LANES, Rngs};
 use crate::transport::path_state::{PathState, PathStates};
@@ -92,38 +92,70 @@ impl CameraPaths {
         !self.points.is_empty()
     }
 
-    /// Numbers that choose light sources at the first vertices.
+    /// Connects vertices with light sources.
     #[inline(always)]
-    pub(super) fn light_numbers(&self, states: &PathStates) -> KnownFirst<KNOWN> {
+    pub(super) fn light_samples(
+        &self,
+        lights: &Lights,
+        at: &Receivers,
+        states: &mut PathStates,
+    ) -> LightSamples {
+        if !self.starts_from_points() {
+            return lights.connect_all(at, &mut states.rng);
+        }
         let mut words = [[0; LANES]; KNOWN];
-        for lane in 0..LANES {
+        for (lane, path) in states.path.iter().enumerate() {
             // Lanes without a path have any number.
-            let own = (states.path[lane] as usize).wrapping_sub(self.first_path);
-            let Some(point) = self.points.get(own) else { continue };
+            let Some(point) = self.points.get(self.number_in_batch(*path)) else { continue };
             for (words, word) in words.iter_mut().zip(point.light) {
                 words[lane] = word;
             }
         }
-        KnownFirst::new(states.rng, words)
+        let mut numbers = KnownFirst::new(states.rng, words);
+        let samples = lights.connect_all(at, &mut numbers);
+        states.rng = numbers.rngs;
+        samples
     }
 
-    /// Numbers that choose the lobes and directions at the first vertices.
+    /// Numbers that choose directions.
     #[inline(always)]
-    pub(super) fn direction_numbers(&self, states: &PathStates) -> [[u32; LANES]; 3] {
+    pub(super) fn direction_numbers(&self, states: &mut PathStates) -> [[f32; LANES]; 2] {
+        let mut numbers = states.rng.next_pair();
+        if self.starts_from_points() {
+            let [_, u, v] = self.known_directions(states);
+            numbers = [u, v];
+        }
+        numbers
+    }
+
+    /// Numbers that choose lobes and directions.
+    #[inline(always)]
+    pub(super) fn lobe_numbers(&self, states: &mut PathStates) -> [[f32; LANES]; 3] {
+        let numbers = [states.rng.next_1d(), states.rng.next_1d(), states.rng.next_1d()];
+        if self.starts_from_points() { self.known_directions(states) } else { numbers }
+    }
+
+    #[inline(always)]
+    fn known_directions(&self, states: &PathStates) -> [[f32; LANES]; 3] {
         let mut words = [[0; LANES]; 3];
-        for lane in 0..LANES {
-            let own = (states.path[lane] as usize).wrapping_sub(self.first_path);
-            let Some(point) = self.points.get(own) else { continue };
+        for (lane, path) in states.path.iter().enumerate() {
+            let Some(point) = self.points.get(self.number_in_batch(*path)) else { continue };
             for (words, word) in words.iter_mut().zip(point.direction) {
                 words[lane] = word;
             }
         }
-        words
+        [numbers_of(&words[0]), numbers_of(&words[1]), numbers_of(&words[2])]
     }
 
-    /// [`Self::light_numbers`] of one path.
+    /// Number of a path among those of the batch; any number if there is no path.
+    #[inline(always)]
+    fn number_in_batch(&self, path: u32) -> usize {
+        (path as usize).wrapping_sub(self.first_path)
+    }
+
+    /// Numbers that choose a light source at the first vertex of one path.
     pub(super) fn one_light(&self, state: &PathState) -> OneKnownFirst<KNOWN> {
-        let point = &self.points[state.path as usize - self.first_path];
+        let point = &self.points[self.number_in_batch(state.path)];
         OneKnownFirst::new(state.rng, point.light)
     }
 }
