@@ -15,6 +15,7 @@ use bdpm::adaptive::technique::Selection;
 use bdpm::job::{AuditReport, DenoisedReport, RelativeError, RenderState, TimeForecast, Verdict};
 use bdpm::render::bias_over_noise::BiasOverNoise;
 use bdpm::render::block::{Block, CombinedImage};
+use bdpm::render::findable_light::has_rare_sunlight;
 use bdpm::settings::Settings;
 use serde::Serialize;
 use std::path::Path;
@@ -45,6 +46,8 @@ pub struct RenderReport<'a> {
     pub merge_bias: Option<&'a BiasOverNoise>,
     /// Comparison of the image with its audit.
     pub audit: Option<&'a AuditReport>,
+    /// Why there is no audit, if the scene is the reason.
+    pub without_audit: Option<&'static str>,
     pub exr: String,
     pub png: String,
     pub noise: Option<String>,
@@ -74,6 +77,7 @@ impl<'a> RenderReport<'a> {
             half_way: state.half_way(),
             merge_bias: result.merge_bias.as_ref(),
             audit: result.audit.as_ref(),
+            without_audit: reason_without_audit(result),
             exr: name(&writer.outputs.exr),
             png: name(&writer.outputs.png),
             noise: args.noise.as_deref().map(name),
@@ -81,6 +85,16 @@ impl<'a> RenderReport<'a> {
             checkpoint: writer.outputs.checkpoint.as_deref().map(name),
         }
     }
+}
+
+/// Why an automatic image with photons has no audit, if the scene is the reason.
+fn reason_without_audit(result: &RenderResult) -> Option<&'static str> {
+    let RenderState { renderer, is_automatic, .. } = &result.state;
+    let may_have = *is_automatic && renderer.settings().has_photons() && result.audit.is_none();
+    let (scene, _) = renderer.scene_and_accel();
+    (may_have && has_rare_sunlight(scene)).then_some(
+        "a small sun shines through clear glass or off mirrors: path tracing is no judge",
+    )
 }
 
 /// Iterations at equal counts.
@@ -235,6 +249,9 @@ fn audit(report: &RenderReport) -> String {
             Some(warning) => format!("warning: {warning}\n"),
             None => format!("{}\n", audit.describe()),
         };
+    }
+    if let Some(reason) = report.without_audit {
+        text += &format!("not audited: {reason}\n");
     }
     text
 }

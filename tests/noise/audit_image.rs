@@ -44,7 +44,7 @@ fn a_right_image_agrees_and_a_blurred_one_differs() {
             kernel: Kernel::Disc,
             ..own
         });
-        audited(&mut own, 120, 120)
+        audited(&mut own, 60, 60)
     };
     let right = of(0.5);
     assert!(!right.difference.is_significant(1e-3, 1), "{:?}", right.difference.scales);

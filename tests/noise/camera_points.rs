@@ -15,13 +15,13 @@ const ITERATIONS: u64 = 64;
 const SEEDS: u64 = 16;
 
 /// An image of path tracing, with the halves that tell its variance.
-fn rendered(scene: &Arc<Scene>, seed: u64) -> Renderer {
+fn rendered(scene: &Arc<Scene>, side: u32, seed: u64, iterations: u64) -> Renderer {
     let strategy = Strategy::Path;
-    let own = Settings { strategy, camera_paths: 1, seed, ..settings(SIDE, SIDE) };
+    let own = Settings { strategy, camera_paths: 1, seed, ..settings(side, side) };
     let aovs = AovSelection { halves: true, ..AovSelection::default() };
     let config = RenderConfig { aovs, ..RenderConfig::default() };
     let mut renderer = Renderer::new(scene, &accel(scene), own).unwrap().configure(config).unwrap();
-    for _ in 0..ITERATIONS {
+    for _ in 0..iterations {
         renderer.iterate(Measure::Off);
     }
     renderer
@@ -35,7 +35,7 @@ fn reported_variance_is_that_between_images() {
     let (mut reported, mut independent) = (Vec::new(), Vec::new());
     let mut pixels = vec![Vec::new(); (SIDE * SIDE) as usize];
     for seed in 1..=SEEDS {
-        let renderer = rendered(scene, seed);
+        let renderer = rendered(scene, SIDE, seed, ITERATIONS);
         let image = CombinedImage::new(renderer.blocks(), vec![1.0]);
         for (pixel, value) in pixels.iter_mut().zip(image.mean()) {
             pixel.push(luminance(value.as_dvec3()));
@@ -62,12 +62,11 @@ fn reported_variance_is_that_between_images() {
 /// Few pixels or iterations say nothing: the variance of independent iterations is an upper bound.
 #[test]
 fn small_images_report_the_variance_of_independent_iterations() {
-    let own = Settings { strategy: Strategy::Path, camera_paths: 1, ..settings(8, 8) };
-    let scene = &furnished_box();
-    let mut renderer = Renderer::new(scene, &accel(scene), own).unwrap();
-    for _ in 0..20 {
-        renderer.iterate(Measure::Off);
-    }
-    let image = CombinedImage::new(renderer.blocks(), vec![1.0]);
-    assert_eq!(image.set_factor(), 1.0);
+    let factor = |side, iterations| {
+        let renderer = rendered(&furnished_box(), side, 1, iterations);
+        CombinedImage::new(renderer.blocks(), vec![1.0]).set_factor()
+    };
+    assert_eq!(factor(44, 64), 1.0);
+    assert_eq!(factor(SIDE, 15), 1.0);
+    assert!(factor(SIDE, 64) < 0.95);
 }

@@ -167,6 +167,7 @@ fn sums_of_a_large_image_take_less_than_200_bytes_per_pixel() {
     let bytes = |width, height, blocks| {
         let settings = Settings { width, height, ..settings(own.clone()) };
         let request = StatisticRequest {
+            independent_paths: false,
             settings: &settings,
             aovs: LAYERS,
             grain: BatchGrain::Tile,

@@ -19,6 +19,7 @@ const CONFIG: RenderConfig = RenderConfig {
     grain: BatchGrain::Tile,
     nested_part: None,
     unfindable_only: false,
+    independent_paths: false,
     ranks: 1,
 };
 

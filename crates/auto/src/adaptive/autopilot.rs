@@ -7,6 +7,7 @@ use super::stopping::{Convergence, Stop, importance};
 use crate::timing::TimeModel;
 use bdpm_core::base::error::Error;
 use bdpm_core::noise::Measure;
+use bdpm_core::noise::film::BatchGrain;
 use bdpm_core::noise::schedule::{MEASURE_EVERY, MeasureSchedule};
 use bdpm_core::render::Renderer;
 use bdpm_core::render::block;
@@ -248,8 +249,10 @@ impl Autopilot {
         let is_last =
             is_large(renderer) && renderer.blocks().len() == max_blocks(renderer.settings());
         let skipped = if is_last { 1 } else { 0 };
-        // After the promise counts stay. What is measured then serves the merge bias alone.
-        let is_over = self.state.promise.is_some() && !renderer.settings().has_photons();
+        // After the promise counts stay. Later measurements serve the merge bias, or are wanted.
+        let is_wanted = renderer.config().grain == BatchGrain::Pixel;
+        let is_over =
+            self.state.promise.is_some() && !renderer.settings().has_photons() && !is_wanted;
         let iterations = renderer.film().iterations + skipped;
         let measures = !is_over && iterations.is_multiple_of(self.schedule().every);
         if measures { Measure::Pairs } else { Measure::Off }
@@ -307,13 +310,15 @@ impl Autopilot {
         let known = film.iterations >= MEASURE_EVERY;
         let since = self.earlier + elapsed - self.state.block_began;
         let production = clock.times.wall.as_secs_f64();
-        let share = 1.0 / MEASURE_EVERY as f64;
+        // Without photons none is measured after the promise.
+        let has_photons = renderer.settings().has_photons();
+        let share = if has_photons { 1.0 / MEASURE_EVERY as f64 } else { 0.0 };
         let per_production = production / clock.iterations as f64;
         let per_measured = (since - production).max(0.0) / measured as f64;
         // The first iterations of a scene take longer while areas and memory are new: the latest
         // ones tell the time.
         let [mark, _] = self.state.marks;
-        if mark.iterations > 0 {
+        if mark.iterations > 0 && has_photons {
             let seconds = self.earlier + elapsed - mark.seconds;
             return Some(seconds / (film.iterations - mark.iterations) as f64);
         }

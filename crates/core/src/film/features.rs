@@ -202,7 +202,13 @@ mod tests {
         for folds in [false, true] {
             let aovs = AovSelection { features: true, folds, light: false, halves: false };
             let grain = BatchGrain::Tile;
-            let request = StatisticRequest { settings, aovs, grain, measured_before: None };
+            let request = StatisticRequest {
+                settings,
+                aovs,
+                grain,
+                measured_before: None,
+                independent_paths: false,
+            };
             let mut features = FoldedBuffer::<DenoiseFeatures>::start(&request).unwrap();
             let mut first_hits = FoldedBuffer::<DepthSample>::start(&request).unwrap();
             for number in 0..11 {

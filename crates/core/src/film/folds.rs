@@ -147,7 +147,13 @@ mod tests {
     fn folded(iterations: std::ops::Range<u64>) -> FoldedBuffer<Rgb> {
         let aovs = AovSelection { folds: true, ..AovSelection::default() };
         let (settings, grain) = (&settings(), BatchGrain::Tile);
-        let request = StatisticRequest { settings, aovs, grain, measured_before: None };
+        let request = StatisticRequest {
+            settings,
+            aovs,
+            grain,
+            measured_before: None,
+            independent_paths: false,
+        };
         let mut folds = FoldedBuffer::<Rgb>::start(&request).unwrap();
         for number in iterations {
             let iteration = CurrentIteration { number, is_measured: false };

@@ -36,6 +36,9 @@ pub struct StatisticRequest<'a> {
     /// While an iteration is measured: iterations of the block that were measured before it, here
     /// or by other processes.
     pub measured_before: Option<u64>,
+    /// Camera paths draw independent numbers: see
+    /// [`RenderConfig`](crate::render::RenderConfig::independent_paths).
+    pub independent_paths: bool,
 }
 
 /// The iteration that is being added.

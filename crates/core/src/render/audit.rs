@@ -404,7 +404,8 @@ impl Auditor {
             ..own.clone()
         };
         let path = Settings { strategy: Strategy::Path, merge_vertex: 2, ..settings.clone() };
-        let tracer = renderer.binned(path, cells.side)?.uninterrupted();
+        let config = RenderConfig { independent_paths: true, ..RenderConfig::default() };
+        let tracer = renderer.binned(path, cells.side)?.configure(config)?.uninterrupted();
         let unfindable = if has_unfindable_light(scene) {
             let light_paths =
                 (cells.len() as u32).clamp(1024, renderer.most_light_paths().max(1024));

@@ -69,7 +69,8 @@ impl Block {
             numbers: IterationSet::default(),
             counts,
             kernel: request.settings.kernel,
-            starts_from_points: CameraPoints::are_used(request.settings),
+            starts_from_points: CameraPoints::are_used(request.settings)
+                && !request.independent_paths,
             film: Film::new(width, height),
             statistics,
             clock: PhaseClock::default(),

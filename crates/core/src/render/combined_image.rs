@@ -31,7 +31,7 @@ pub struct DerivedStatistics(Arc<Derived>);
 #[derive(Debug, Default)]
 struct Derived {
     correction: OnceLock<Option<BiasCorrection>>,
-    set_factor: OnceLock<f64>,
+    set_factor: OnceLock<[f64; 2]>,
     /// Of large images.
     moments: OnceLock<Vec<CellMoments>>,
 }
@@ -173,14 +173,19 @@ impl<'a> CombinedImage<'a> {
     /// Variance of the image over that of as many independent iterations: less than 1 if camera
     /// paths start from Sobol points. theory.md (44g)
     pub fn set_factor(&self) -> f64 {
+        self.set_factor_and_error()[0]
+    }
+
+    /// [`Self::set_factor`] and its standard error.
+    fn set_factor_and_error(&self) -> [f64; 2] {
         if !self.blocks.iter().all(|block| block.starts_from_points) {
-            return 1.0;
+            return [1.0, 0.0];
         }
         let factor = || {
             let (halves, variance) = (self.half_means()?, self.independent_cell_variance()?);
             Some(set_factor(self, &halves, &variance))
         };
-        *self.derived.0.set_factor.get_or_init(|| factor().unwrap_or(1.0))
+        *self.derived.0.set_factor.get_or_init(|| factor().unwrap_or([1.0, 0.0]))
     }
 
     /// Moments of the cells, in row order.
@@ -453,7 +458,8 @@ impl<'a> CombinedImage<'a> {
             variance += factor * own;
             error2 += (factor * error).powi(2);
         }
-        let error = error2.sqrt();
+        let [factor, factor_error] = self.set_factor_and_error();
+        let error = error2.sqrt().hypot(variance * factor_error / factor);
         let Some(correction) = self.bias_correction() else { return Some((variance, error)) };
         let changes = &correction.variance_change;
         let change = total(changes, |change| *change) / changes.len() as f64;

@@ -11,7 +11,13 @@ const SUN: f64 = 1e-3;
 pub fn has_unfindable_light(scene: &Scene) -> bool {
     let is_single = |own: &Material| own.bsdf.passes_through() && !own.is_index_matched_boundary();
     scene.lights().emitters().iter().any(Emitter::is_delta)
-        && scene.materials().iter().any(is_single)
+        && placed_materials(scene).any(is_single)
+}
+
+/// The materials that surfaces have.
+pub fn placed_materials(scene: &Scene) -> impl Iterator<Item = &Material> {
+    let material = |placement: &Placement| &scene.materials()[placement.material as usize];
+    scene.placements().iter().map(material)
 }
 
 /// Whether a scene may have light that path tracing finds too rarely to know its noise: of a sun in
@@ -19,12 +25,11 @@ pub fn has_unfindable_light(scene: &Scene) -> bool {
 /// thin glass, 1280 lx +- 3 % were read instead of 2300 lx
 /// (`docs/measurements/meter-intervals.md`).
 pub fn has_rare_sunlight(scene: &Scene) -> bool {
-    let is_clear = |placement: &Placement| {
-        let own = &scene.materials()[placement.material as usize];
+    let is_clear = |own: &Material| {
         let is_single = own.bsdf.passes_through() && !own.bsdf.has_rough() && !own.bsdf.merges();
         is_single && !own.is_index_matched_boundary()
     };
     let environment = scene.lights().environment();
-    scene.placements().iter().any(is_clear)
+    placed_materials(scene).any(is_clear)
         && environment.is_some_and(|map| map.effective_solid_angle() < SUN)
 }

@@ -138,7 +138,8 @@ impl Renderer {
             settings,
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
             gather_early: mis.is_some() || self.found_caustic_photons(),
-            points: CameraPoints::of(scene, settings, iteration),
+            points: CameraPoints::of(settings, iteration)
+                .filter(|_| !self.config.independent_paths),
             directions: self.directions(),
         };
         let options = MergeOptions {

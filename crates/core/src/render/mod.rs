@@ -96,6 +96,10 @@ pub struct RenderConfig {
     /// Renders nothing but light that no camera path finds: of lights that no ray can hit, through
     /// glass or mirrors.
     pub unfindable_only: bool,
+    /// All numbers of camera paths are independent, also those that would be Sobol points. What
+    /// looks at few iterations needs this: an audit, trials of the pilot. So do meters, which are
+    /// no pixels.
+    pub independent_paths: bool,
     /// Number of processes that render the image together. Reported times are divided by it.
     pub ranks: u32,
 }
@@ -103,7 +107,14 @@ pub struct RenderConfig {
 impl Default for RenderConfig {
     fn default() -> Self {
         let (aovs, grain) = (AovSelection::default(), BatchGrain::default());
-        Self { aovs, grain, nested_part: None, unfindable_only: false, ranks: 1 }
+        Self {
+            aovs,
+            grain,
+            nested_part: None,
+            unfindable_only: false,
+            independent_paths: false,
+            ranks: 1,
+        }
     }
 }
 
@@ -115,8 +126,8 @@ impl RenderConfig {
 
     /// The statistics of an image with these settings.
     pub fn request<'a>(&self, settings: &'a Settings) -> StatisticRequest<'a> {
-        let Self { aovs, grain, .. } = *self;
-        StatisticRequest { settings, aovs, grain, measured_before: None }
+        let Self { aovs, grain, independent_paths, .. } = *self;
+        StatisticRequest { settings, aovs, grain, measured_before: None, independent_paths }
     }
 }
 
@@ -211,7 +222,8 @@ impl Renderer {
         clearance: Option<&Arc<Clearance>>,
     ) -> Result<Self> {
         settings.validate()?;
-        let config = RenderConfig::default();
+        let independent_paths = scene.meters().is_some();
+        let config = RenderConfig { independent_paths, ..RenderConfig::default() };
         let request = config.request(&settings);
         check_memory(scene, &request, settings.light_paths)?;
         check_has_light(scene)?;
@@ -352,6 +364,7 @@ impl Renderer {
     pub fn configure(mut self, config: RenderConfig) -> Result<Self> {
         assert!(self.iterations() == 0, "statistics are kept of all iterations or none");
         self.config = config;
+        self.config.independent_paths |= self.scene.meters().is_some();
         let counts = self.block().counts.clone();
         check_memory(&self.scene, &self.request(), counts.light_paths)?;
         let mut shared = SharedStatistics::default();

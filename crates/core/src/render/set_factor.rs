@@ -25,13 +25,13 @@ pub(super) struct HalfMeans {
     pub totals: [f64; HALVES],
 }
 
-/// Variance of the image over that of as many independent iterations, at most 1; 1 where it is not
-/// known. `variance` has that of independent iterations, the mean over the pixels of each cell.
+/// Variance of the image over that of as many independent iterations, at most 1, and its standard
+/// error; 1 and 0 where it is not known. `variance` has that of independent iterations, the mean over the pixels of each cell.
 /// theory.md (44g)
-pub(super) fn set_factor(image: &CombinedImage, halves: &HalfMeans, variance: &[f64]) -> f64 {
+pub(super) fn set_factor(image: &CombinedImage, halves: &HalfMeans, variance: &[f64]) -> [f64; 2] {
     let grid = image.grid();
     if grid.len() < MIN_CELLS || image.iterations() < MIN_ITERATIONS {
-        return 1.0;
+        return [1.0, 0.0];
     }
     let HalfMeans { means, totals: [first, second] } = halves;
     let weights = weights(grid, means);
@@ -46,7 +46,11 @@ pub(super) fn set_factor(image: &CombinedImage, halves: &HalfMeans, variance: &[
     let sums: Vec<[f64; 2]> = sums.collect();
     let [between, independent] = sums.iter().fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
     let factor = between / independent;
-    if factor.is_finite() && factor > 0.0 { factor.min(1.0) } else { 1.0 }
+    if !(factor.is_finite() && factor > 0.0) {
+        return [1.0, 0.0];
+    }
+    let residuals: f64 = sums.iter().map(|[own, other]| (own - factor * other).powi(2)).sum();
+    [factor.min(1.0), residuals.sqrt() / independent]
 }
 
 /// Reciprocals of the squared luminance around each cell.

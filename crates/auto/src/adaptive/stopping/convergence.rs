@@ -19,6 +19,8 @@ pub const PILOT_SPREAD: f64 = 4.0;
 pub struct Convergence {
     /// Weight of an iteration of each block.
     pub weights: Vec<f64>,
+    /// Variance of the image over that of independent iterations.
+    pub set_factor: f64,
     /// Iterations of all blocks.
     pub iterations: u64,
     /// Mean luminance of the image.
@@ -112,6 +114,7 @@ impl Convergence {
             _ => set_factor,
         };
         Self {
+            set_factor,
             iterations: combined.iterations(),
             mean_luminance: combined.mean_luminance(),
             variance: combined.pooled_variance(),
@@ -250,6 +253,7 @@ mod tests {
 
     fn convergence(iterations: u64, variance: f64, error: f64) -> Convergence {
         Convergence {
+            set_factor: 1.0,
             weights: vec![1.0],
             iterations,
             mean_luminance: 2.0,

@@ -37,9 +37,10 @@ pub fn luminances(image: &CombinedImage) -> Vec<f64> {
     let grid = image.grid();
     if !grid.is_single_pixels() {
         let moments = image.cell_moments();
+        let set_factor = image.set_factor();
         let rms: Vec<f64> = moments.par_iter().map(|moments| moments.square.sqrt()).collect();
         let variance: Option<Vec<f64>> =
-            moments.par_iter().map(|moments| moments.variance).collect();
+            moments.par_iter().map(|moments| Some(set_factor * moments.variance?)).collect();
         return match variance {
             Some(variance) => cells_without_noise(&rms, &variance, grid.size()),
             None => rms,

@@ -2,7 +2,7 @@
 
 use super::{FreeParameters, Technique};
 use bdpm_core::render::Renderer;
-use bdpm_core::render::findable_light::has_rare_sunlight;
+use bdpm_core::render::findable_light::{has_rare_sunlight, placed_materials};
 use bdpm_core::scene::{Emitter, Material, Media};
 use bdpm_core::settings::{Direct, MediumQuery, Settings, Strategy};
 
@@ -37,9 +37,8 @@ impl SceneTraits {
             // Connections pass boundaries of media.
             passes && !own.is_index_matched_boundary()
         };
-        let mut materials = scene.materials().iter();
         let needs_photons =
-            has_delta_lights && materials.any(is_smooth) || has_rare_sunlight(scene);
+            has_delta_lights && placed_materials(scene).any(is_smooth) || has_rare_sunlight(scene);
         let may_weight = scene.media().is_none_or(Media::allows_weighted_merges);
         let media_scatter = scene.media().is_some_and(Media::any_scatters);
         let is_dense = |media: &Media| media.largest_extinction() * scene.size() > DENSE;

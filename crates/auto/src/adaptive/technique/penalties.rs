@@ -11,15 +11,15 @@ use serde::{Deserialize, Serialize};
 const RARE_LIGHT_PENALTY: f64 = 4.0;
 
 /// Penalty on the squared error of techniques that merge: near ties go to path tracing, which has
-/// no bias and no photons that a whole image shares. In three interiors where predictions are near
-/// ties, the squared error of `mis` was 2.7, 3.1 and 0.73 times that of `path`
+/// no bias and no photons that a whole image shares. In five interiors where predictions are near
+/// ties, the squared error of `mis` was 0.73 to 3.1 times that of `path`, its median 1.5
 /// (docs/measurements/interiors.md).
-const MERGING_PENALTY: f64 = 1.4;
+const MERGING_PENALTY: f64 = 2.0;
 
 /// Penalty of merging where an image is denoised and pixels share the photons. Short trials see few
 /// of the photons that make spots: in scenes/materials, `mis` was predicted 5 % and had 8 %, final
 /// gathering 6 % and 4 % (docs/measurements/denoising.md).
-const SHARED_PHOTONS_PENALTY: f64 = 2.0 * MERGING_PENALTY;
+const SHARED_PHOTONS_PENALTY: f64 = 1.4 * MERGING_PENALTY;
 
 /// Factors on the squared error of a candidate where candidates are compared. A factor of 1 is no
 /// penalty. If an error ends the render, they are factors on the time of the candidate.

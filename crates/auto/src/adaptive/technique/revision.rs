@@ -242,7 +242,7 @@ fn measure(renderer: &Renderer, pilot_times: &TimeModel) -> Option<Measured> {
     Some(Measured {
         image: ImageMeasurement {
             radii,
-            coefficients: relative * more_noise,
+            coefficients: relative * (more_noise * image.set_factor()),
             annulus_bias2,
             times: fitted_times(pilot_times, blocks),
         },

@@ -3,7 +3,8 @@
 
 use super::CameraPaths;
 use crate::base::rng::{Stream, StreamKey};
-use crate::scene::{LightSamples, Lights, Receivers, Scene};
+use crate::film::folds::DENOISE_FOLDS;
+use crate::scene::{LightSamples, Lights, Receivers};
 use crate::settings::Settings;
 use crate::simd::draw::{KNOWN, KnownFirst, OneKnownFirst, numbers_of};
 use crate::simd::sobol::{MAX_POINTS, POINT_DIMENSIONS, SobolPoint};
@@ -12,7 +13,7 @@ use crate::transport::path_state::{PathState, PathStates};
 
 /// Sets of points of a pixel. Iterations take points of the sets in turn, so that iterations of
 /// different halves or folds are independent.
-const SETS: u64 = 8;
+const SETS: u64 = DENOISE_FOLDS as u64;
 
 /// Numbers of a first vertex, in the order in which they are drawn: those of the light source, then
 /// those of the lobe and the direction. The first dimensions are the most evenly distributed
@@ -43,10 +44,9 @@ impl CameraPoints {
         !settings.has_photons()
     }
 
-    /// The points of an iteration, if its paths start from points. Meters are no pixels.
-    pub fn of(scene: &Scene, settings: &Settings, iteration: u64) -> Option<Self> {
-        let is_used = Self::are_used(settings) && scene.meters().is_none();
-        is_used.then(|| Self::new(settings, iteration))
+    /// The points of an iteration, if its paths start from points.
+    pub fn of(settings: &Settings, iteration: u64) -> Option<Self> {
+        Self::are_used(settings).then(|| Self::new(settings, iteration))
     }
 
     /// theory.md (44f)
@@ -105,7 +105,7 @@ impl CameraPaths {
         }
         let mut words = [[0; LANES]; KNOWN];
         for (lane, path) in states.path.iter().enumerate() {
-            // Lanes without a path have any number.
+            // Lanes without a path have an arbitrary number.
             let Some(point) = self.points.get(self.number_in_batch(*path)) else { continue };
             for (words, word) in words.iter_mut().zip(point.light) {
                 words[lane] = word;
