@@ -11,15 +11,18 @@ use serde::{Deserialize, Serialize};
 const RARE_LIGHT_PENALTY: f64 = 4.0;
 
 /// Penalty on the squared error of techniques that merge: near ties go to path tracing, which has
-/// no bias and no photons that a whole image shares. In five interiors where predictions are near
-/// ties, the squared error of `mis` was 0.73 to 3.1 times that of `path`, its median 1.5
-/// (docs/measurements/interiors.md).
+/// no bias and no photons that a whole image shares.
 const MERGING_PENALTY: f64 = 2.0;
 
-/// Penalty of merging where an image is denoised and pixels share the photons. Short trials see few
+/// The same of techniques that weigh merges against connections. In five interiors where `mis` was
+/// chosen, its squared error was 1.4 to 3.6 times that of `path`: trials predict it 2 to 3 times
+/// too low (docs/measurements/interiors.md).
+const WEIGHTED_PENALTY: f64 = 4.0;
+
+/// Further penalty where an image is denoised and pixels share the photons. Short trials see few
 /// of the photons that make spots: in scenes/materials, `mis` was predicted 5 % and had 8 %, final
 /// gathering 6 % and 4 % (docs/measurements/denoising.md).
-const SHARED_PHOTONS_PENALTY: f64 = 1.4 * MERGING_PENALTY;
+const SHARED_PHOTONS_PENALTY: f64 = 1.4;
 
 /// Factors on the squared error of a candidate where candidates are compared. A factor of 1 is no
 /// penalty. If an error ends the render, they are factors on the time of the candidate.
@@ -46,9 +49,10 @@ impl Penalties {
     pub(super) fn of(technique: Technique, mirrors_lamps_roughly: bool, denoises: bool) -> Self {
         let is_rare = technique.strategy == Strategy::Single && mirrors_lamps_roughly;
         let is_shared = shares_photons(technique.strategy, technique.merge_vertex);
+        let shared = if denoises && is_shared { SHARED_PHOTONS_PENALTY } else { 1.0 };
         let merging = match technique.merges() {
-            true if denoises && is_shared => SHARED_PHOTONS_PENALTY,
-            true => MERGING_PENALTY,
+            true if technique.strategy.is_weighted() => WEIGHTED_PENALTY * shared,
+            true => MERGING_PENALTY * shared,
             false => 1.0,
         };
         Self { merging, rare_light: if is_rare { RARE_LIGHT_PENALTY } else { 1.0 }, untried: 1.0 }
