@@ -10,6 +10,7 @@ mod direction_learning;
 pub mod findable_light;
 pub mod block;
 pub mod combined_image;
+mod config;
 pub mod guiding;
 mod iteration;
 mod light_visibility;
@@ -23,6 +24,7 @@ mod tile_paths;
 mod tiles;
 mod worker;
 
+pub use config::{NestedPart, RenderConfig};
 pub use memory::{MemoryNeed, bytes_per_pixel, light_paths_in};
 pub use partial::PartialRender;
 pub use report::IterationReport;
@@ -37,7 +39,7 @@ use crate::film::cells::CellGrid;
 use crate::film::counts::Counts;
 use crate::film::features::FeatureFolds;
 use crate::film::radiance::Film;
-use crate::film::statistic::{BatchGrain, StatisticRequest};
+use crate::film::statistic::StatisticRequest;
 use crate::scene::lights::guide::Guide;
 use crate::scene::{Media, Scene, View};
 use crate::settings::combinations::{self, Asked};
@@ -49,13 +51,11 @@ use crate::transport::light_paths::LightPaths;
 use crate::transport::medium_kernel::MediumKernel;
 use crate::transport::medium_photons::MediumPhotons;
 use crate::transport::mis::Mis;
-use crate::transport::photon::PhotonClass;
 use crate::transport::photon_map::PhotonMap;
 use accumulators::SharedStatistics;
 use block::Block;
 use direction_learning::LearnedDirections;
 use memory::{bytes_per_light_path, check_memory, film_bytes};
-use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use worker::Worker;
@@ -72,63 +72,6 @@ const MAX_LARGE_BLOCKS: usize = 2;
 pub fn max_blocks(settings: &Settings) -> usize {
     let is_small = CellGrid::of(settings.resolution()).is_single_pixels();
     if is_small { MAX_BLOCKS } else { MAX_LARGE_BLOCKS }
-}
-
-/// A part of the merges, whose bias is measured alone.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum NestedPart {
-    /// Photons of a class. The radii of both classes must differ.
-    Class(PhotonClass),
-    /// Photons in media.
-    Media,
-}
-
-/// Statistics that are kept beside the image, and other choices that do not change the image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RenderConfig {
-    /// Layers that are kept beside the image.
-    pub aovs: AovSelection,
-    /// Resolution of the batches of measured iterations.
-    pub grain: BatchGrain,
-    /// If set, measured iterations merge at nested radii for this part of the merges only, and the
-    /// nested differences estimate the bias of that part.
-    pub nested_part: Option<NestedPart>,
-    /// Renders nothing but light that no camera path finds: of lights that no ray can hit, through
-    /// glass or mirrors.
-    pub unfindable_only: bool,
-    /// All numbers of camera paths are independent, also those that would be Sobol points. What
-    /// looks at few iterations needs this: an audit, trials of the pilot. So do meters, which are
-    /// no pixels.
-    pub independent_paths: bool,
-    /// Number of processes that render the image together. Reported times are divided by it.
-    pub ranks: u32,
-}
-
-impl Default for RenderConfig {
-    fn default() -> Self {
-        let (aovs, grain) = (AovSelection::default(), BatchGrain::default());
-        Self {
-            aovs,
-            grain,
-            nested_part: None,
-            unfindable_only: false,
-            independent_paths: false,
-            ranks: 1,
-        }
-    }
-}
-
-impl RenderConfig {
-    /// Batches of single pixels, for [`Block::noise_image`].
-    pub fn with_pixel_batches() -> Self {
-        Self { grain: BatchGrain::Pixel, ..Self::default() }
-    }
-
-    /// The statistics of an image with these settings.
-    pub fn request<'a>(&self, settings: &'a Settings) -> StatisticRequest<'a> {
-        let Self { aovs, grain, independent_paths, .. } = *self;
-        StatisticRequest { settings, aovs, grain, measured_before: None, independent_paths }
-    }
 }
 
 /// Renders one scene, iteration after iteration.

@@ -26,7 +26,8 @@ pub(super) struct HalfMeans {
 }
 
 /// Variance of the image over that of as many independent iterations, at most 1, and its standard
-/// error; 1 and 0 where it is not known. `variance` has that of independent iterations, the mean over the pixels of each cell.
+/// error; 1 and 0 where it is not known. `variance` has that of independent iterations, the mean
+/// over the pixels of each cell.
 /// theory.md (44g)
 pub(super) fn set_factor(image: &CombinedImage, halves: &HalfMeans, variance: &[f64]) -> [f64; 2] {
     let grid = image.grid();

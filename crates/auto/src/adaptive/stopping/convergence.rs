@@ -71,8 +71,7 @@ impl Convergence {
             let weighted = variance.par_iter().zip(importance).map(|(v, weight)| v * weight);
             total(&weighted.collect::<Vec<f64>>(), |term| *term) / importance.len() as f64
         };
-        let set_factor = combined.set_factor();
-        let film = blocks.last().map(|block| &block.film);
+        let (set_factor, film) = (combined.set_factor(), blocks.last().map(|block| &block.film));
         let block_variance =
             film.and_then(|film| Some((film.cell_variance()?, film.iterations as f64)));
         let image_variance = match blocks {
