@@ -98,7 +98,7 @@ def main():
                     rows.append([error(reference, image) for image in (theirs, ours)])
                     results.append(result)
                 theirs, ours = np.mean(rows, axis=0)
-                stated = [(result.get("error") or {}).get("total") for result in results]
+                stated = [(result.get("denoised") or {}).get("total_error") for result in results]
                 stated = np.mean(stated) if None not in stated else float("nan")
                 chosen = ", ".join(sorted({result["settings"]["strategy"] for result in results}))
                 pixels = "{}x{}".format(*tracer.size)
@@ -106,4 +106,5 @@ def main():
                 print(f"| {path.parent.name} | {pixels} | {seconds:g} | {cells} |", flush=True)
 
 
-main()
+if __name__ == "__main__":
+    main()
