@@ -51,7 +51,7 @@ impl Default for RenderConfig {
 }
 
 impl RenderConfig {
-    /// Batches of single pixels, for [`Block::noise_image`].
+    /// Batches of single pixels, for [`Block::noise_image`](super::block::Block::noise_image).
     pub fn with_pixel_batches() -> Self {
         Self { grain: BatchGrain::Pixel, ..Self::default() }
     }

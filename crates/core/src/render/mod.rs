@@ -417,7 +417,7 @@ impl Renderer {
         &self.settings
     }
 
-    /// Whether the last iteration stored photons of [`PhotonClass::Caustic`].
+    /// Whether the last iteration stored photons of the class of caustics.
     pub fn found_caustic_photons(&self) -> bool {
         self.photon_map.has_caustic_photons() || self.medium_photons.has_caustic_photons()
     }
