@@ -173,4 +173,5 @@ def main():
         print(convert(source, options.sky))
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -44,6 +44,38 @@ fn audit_is_in_the_report_and_in_the_image() {
     assert!(!refused.status.success() && shown.contains("at most 50%"), "{shown}");
 }
 
+/// Path tracing hardly finds the sun behind a pane: there is no audit, and the report says why.
+#[test]
+fn a_sun_behind_glass_is_the_reason_without_an_audit() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("pane.obj", "v -1 0 0\nv 1 0 0\nv 1 2 0\nv -1 2 0\nf 1 2 3\nf 1 3 4\n");
+    write("floor.obj", "v -3 0 -3\nv -3 0 3\nv 3 0 3\nv 3 0 -3\nf 1 2 3\nf 1 3 4\n");
+    write(
+        "scene.toml",
+        "[camera]\nposition = [0, 1, 4]\ntarget = [0, 1, 0]\nfov_x_deg = 60\n\
+         [[mesh]]\nfile = 'pane.obj'\nmaterial = 'pane'\n\
+         [[mesh]]\nfile = 'floor.obj'\nmaterial = 'floor'\n\
+         [materials.pane]\ntype = 'thin-dielectric'\nior = 1.5\n\
+         [materials.floor]\ntype = 'lambertian'\nalbedo = 0.5\n\
+         [sky]\nsun_direction = [-0.7, 0.6, 0.2]\n",
+    );
+    let image = folder.path().join("a.exr");
+    let render = |scene: &str, more: &[&str]| {
+        let fixed = ["render", scene, "--accel", "bvh", "--resolution", "48x48", "--time", "1s"];
+        bdpm(&[&fixed[..], &["--strategy", "mis", "--output", text(&image)], more].concat())
+    };
+    let scene = text(folder.path());
+    let report = json(&render(scene, &["--json"]));
+    assert!(report["audit"].is_null(), "{report}");
+    assert!(report["without_audit"].as_str().unwrap().contains("small sun"), "{report}");
+    let shown = render(scene, &[]);
+    succeed(&shown);
+    let all = [shown.stdout, shown.stderr].concat();
+    assert!(String::from_utf8(all).unwrap().contains("not audited: a small sun"));
+    assert!(json(&render(SCENE, &["--json"]))["without_audit"].is_null());
+}
+
 #[test]
 fn judge_tells_a_brighter_image_from_a_right_one() {
     let folder = tempfile::tempdir().unwrap();

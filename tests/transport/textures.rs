@@ -1,12 +1,15 @@
 //! Textures and cut-outs: what is read is seen, and holes let all light through.
 
 use crate::common::*;
+use bdpm::accel::{Coherence, Ray, RayPacket};
+use bdpm::base::rng::{Stream, StreamKey};
 use bdpm::load::load;
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::scene::bsdf::{Bsdf, Glossy};
 use bdpm::scene::{Camera, FieldOfView, Material, Mesh, Sampling, Scene, Texture, Wrap};
 use bdpm::settings::{Direct, Kernel};
+use bdpm::simd::LANES;
 use bdpm::{Renderer, Settings};
 use glam::{Vec2, Vec3};
 use std::f64::consts::PI;
@@ -161,6 +164,30 @@ fn a_share_of_light_and_sight_passes_where_opacity_is_a_share() {
             assert!((seen - 1.0).abs() < 0.06, "{backend} {direct:?} {alone}: {seen}");
         }
     }
+}
+
+/// More rays than are traced together, and a last packet that is not full.
+#[test]
+fn packets_of_shadow_rays_pass_a_mask_as_single_rays_do() {
+    let scene = translucent(0.5, false);
+    let accel = accel(&scene);
+    let mut rng = StreamKey::new(1, Stream::Test, 0).rng(0);
+    let light = Vec3::new(0.0, 0.0, 3.0);
+    let rays: Vec<Ray> = (0..16 * LANES * 2 + 5)
+        .map(|_| {
+            let [x, y] = rng.next_2d().map(|u| 6.0 * u - 3.0);
+            Ray::segment(light, Vec3::new(x, y, 0.01))
+        })
+        .collect();
+    let packets: Vec<RayPacket> = rays.chunks(LANES).map(RayPacket::of).collect();
+    let mut answers = vec![[false; LANES]; packets.len()];
+    accel.occlude(&packets, rays.len(), &mut answers, Coherence::Incoherent);
+    let occluded: Vec<bool> = answers.concat()[..rays.len()].to_vec();
+    let alone: Vec<bool> = rays.iter().map(|ray| accel.is_occluded(ray)).collect();
+    assert_eq!(occluded, alone);
+    // Some rays pass beside the sheet, half of the others through it.
+    let count = alone.iter().filter(|occluded| **occluded).count();
+    assert!((20..rays.len() / 2).contains(&count), "{count} of {}", rays.len());
 }
 
 #[test]

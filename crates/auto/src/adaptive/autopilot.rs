@@ -249,12 +249,8 @@ impl Autopilot {
         let is_last =
             is_large(renderer) && renderer.blocks().len() == max_blocks(renderer.settings());
         let skipped = if is_last { 1 } else { 0 };
-        // After the promise counts stay. Later measurements serve the merge bias, or are wanted.
-        let is_wanted = renderer.config().grain == BatchGrain::Pixel;
-        let is_over =
-            self.state.promise.is_some() && !renderer.settings().has_photons() && !is_wanted;
         let iterations = renderer.film().iterations + skipped;
-        let measures = !is_over && iterations.is_multiple_of(self.schedule().every);
+        let measures = iterations.is_multiple_of(self.schedule(renderer).every);
         if measures { Measure::Pairs } else { Measure::Off }
     }
 
@@ -295,10 +291,16 @@ impl Autopilot {
         }
     }
 
-    /// The iterations that are measured before the next decision.
-    pub fn schedule(&self) -> MeasureSchedule {
-        let is_first = self.state.next_choice.is_none();
-        let every = if is_first { MEASURE_FIRST_EVERY } else { MEASURE_EVERY };
+    /// The iterations that are measured before the next decision. After the promise counts stay.
+    /// Measurements then serve the merge bias, or a file of the noise of each pixel.
+    pub fn schedule(&self, renderer: &Renderer) -> MeasureSchedule {
+        let is_needed =
+            renderer.settings().has_photons() || renderer.config().grain == BatchGrain::Pixel;
+        let every = match self.state.next_choice {
+            None => MEASURE_FIRST_EVERY,
+            Some(_) if is_needed || self.state.promise.is_none() => MEASURE_EVERY,
+            Some(_) => u64::MAX,
+        };
         MeasureSchedule { pilot: 0, every, estimator: Measure::Pairs }
     }
 
@@ -310,15 +312,17 @@ impl Autopilot {
         let known = film.iterations >= MEASURE_EVERY;
         let since = self.earlier + elapsed - self.state.block_began;
         let production = clock.times.wall.as_secs_f64();
-        // Without photons none is measured after the promise.
-        let has_photons = renderer.settings().has_photons();
-        let share = if has_photons { 1.0 / MEASURE_EVERY as f64 } else { 0.0 };
+        let share = 1.0 / MEASURE_EVERY as f64;
         let per_production = production / clock.iterations as f64;
+        // Without photons none is measured after the promise.
+        if known && clock.iterations > 0 && !renderer.settings().has_photons() {
+            return Some(per_production);
+        }
         let per_measured = (since - production).max(0.0) / measured as f64;
         // The first iterations of a scene take longer while areas and memory are new: the latest
         // ones tell the time.
         let [mark, _] = self.state.marks;
-        if mark.iterations > 0 && has_photons {
+        if mark.iterations > 0 {
             let seconds = self.earlier + elapsed - mark.seconds;
             return Some(seconds / (film.iterations - mark.iterations) as f64);
         }

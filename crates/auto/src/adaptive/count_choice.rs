@@ -175,7 +175,7 @@ impl CountChooser<'_> {
     fn best_counts(&self, problem: &Problem, uniform: &Uniform, grid: CellGrid) -> (Counts, f64) {
         let allowed = self.renderer.allowed_light_paths();
         // Counts of path tracing would follow its few bright paths more than the image: in five of
-        // six interiors equal counts had .57 to .99 times the squared error
+        // six interiors equal counts had .64 to .99 times the squared error
         // (docs/measurements/interiors.md).
         if self.per_pixel && self.renderer.settings().has_photons() {
             let best = problem.shortest_per_pixel(NEAR_OPTIMUM);

@@ -40,7 +40,7 @@ impl CountPolicy {
             Self::Plan(replay) => replay.enter_step(renderer)?,
             Self::Automatic(autopilot) => return Ok(autopilot.prepare(renderer, stop, elapsed)),
         }
-        Ok(self.schedule().measure(
+        Ok(self.schedule(renderer).measure(
             renderer.block_iteration(),
             &renderer.block().counts,
             renderer.settings(),
@@ -57,11 +57,11 @@ impl CountPolicy {
     }
 
     /// The iterations that are measured before the next decision.
-    pub fn schedule(&self) -> MeasureSchedule {
+    pub fn schedule(&self, renderer: &Renderer) -> MeasureSchedule {
         match self {
             Self::Fixed(schedule) => *schedule,
             Self::Plan(_) => MeasureSchedule::default(),
-            Self::Automatic(autopilot) => autopilot.schedule(),
+            Self::Automatic(autopilot) => autopilot.schedule(renderer),
         }
     }
 

@@ -4,7 +4,7 @@
 use super::combined_image::CombinedImage;
 use crate::film::cells::CellGrid;
 use crate::film::halves::HALVES;
-use crate::film::radiance::box_filter;
+use crate::film::radiance::{box_filter, luminance_weights};
 use rayon::prelude::*;
 
 /// Minimum number of cells of an image whose factor is estimated: the standard deviation of the
@@ -13,9 +13,6 @@ const MIN_CELLS: usize = 2048;
 
 /// Minimum number of iterations: with fewer, sets have a single point.
 const MIN_ITERATIONS: u64 = 16;
-
-/// Share of the squared mean that is added to the square of each cell: theory.md (70a).
-const DARK: f64 = 0.01;
 
 /// Luminance of both halves of an image and the sums of the weights of their iterations.
 pub(super) struct HalfMeans {
@@ -54,11 +51,10 @@ pub(super) fn set_factor(image: &CombinedImage, halves: &HalfMeans, variance: &[
     [factor.min(1.0), residuals.sqrt() / independent]
 }
 
-/// Reciprocals of the squared luminance around each cell.
+/// Weights of the cells by the luminance around them.
 fn weights(grid: CellGrid, means: &[[f64; HALVES]]) -> Vec<f64> {
     let (width, height) = grid.size();
     let own: Vec<[f64; 1]> = means.iter().map(|[one, other]| [0.5 * (one + other)]).collect();
-    let mean = own.iter().map(|[own]| own).sum::<f64>() / own.len() as f64;
-    let around = box_filter(&own, width, height);
-    around.into_iter().map(|[own]| (own * own + DARK * mean * mean).recip()).collect()
+    let around = box_filter(&own, width, height).into_iter().map(|[own]| own);
+    luminance_weights(&around.collect::<Vec<f64>>())
 }

@@ -163,6 +163,7 @@ impl Intersect for AlphaMasks {
         coherence: Coherence,
     ) {
         assert_eq!(rays.len(), occluded.len(), "one packet of answers per packet of rays");
+        assert_eq!(rays.len(), count.div_ceil(LANES), "as many packets as the rays take");
         // Which surface is hit must be known: one query of closest hits is faster than one of any
         // hits, and another one of closest hits for the rays that are occluded by anything.
         let mut hits = [HitPacket::default(); PACKETS];

@@ -8,9 +8,6 @@ pub trait DrawLanes {
     /// The source of one path.
     type One: Draw;
 
-    /// One number per path, uniform in [0, 1).
-    fn next_1d(&mut self) -> [f32; LANES];
-
     /// 64 bits per path, the lower half first, for a number in [0, 1) of 53 bits.
     fn next_bits(&mut self) -> [[u32; LANES]; 2];
 
@@ -23,11 +20,6 @@ pub trait DrawLanes {
 
 impl DrawLanes for Rngs {
     type One = Rng;
-
-    #[inline(always)]
-    fn next_1d(&mut self) -> [f32; LANES] {
-        Self::next_1d(self)
-    }
 
     #[inline(always)]
     fn next_bits(&mut self) -> [[u32; LANES]; 2] {
@@ -48,49 +40,42 @@ impl DrawLanes for Rngs {
 /// Numbers that are known of the light source at the first vertex of a camera path.
 pub const KNOWN: usize = 4;
 
-/// Generators after `N` numbers for each path, which are drawn first.
+/// Generators after [`KNOWN`] numbers for each path, which are drawn first.
 #[derive(Clone, Copy, Debug)]
-pub struct KnownFirst<const N: usize> {
+pub struct KnownFirst {
     /// Generators of all other numbers.
     pub rngs: Rngs,
-    words: [[u32; LANES]; N],
+    words: [[u32; LANES]; KNOWN],
     next: usize,
 }
 
 /// [`KnownFirst`] of one path.
 #[derive(Clone, Copy, Debug)]
-pub struct OneKnownFirst<const N: usize> {
+pub struct OneKnownFirst {
     /// Generator of all other numbers.
     pub rng: Rng,
-    words: [u32; N],
+    words: [u32; KNOWN],
     next: usize,
 }
 
-impl<const N: usize> KnownFirst<N> {
+impl KnownFirst {
     /// Numbers of these words, and others.
     #[inline(always)]
-    pub fn new(rngs: Rngs, words: [[u32; LANES]; N]) -> Self {
+    pub fn new(rngs: Rngs, words: [[u32; LANES]; KNOWN]) -> Self {
         Self { rngs, words, next: 0 }
     }
 }
 
-impl<const N: usize> OneKnownFirst<N> {
+impl OneKnownFirst {
     /// Numbers of these words, and others.
     #[inline(always)]
-    pub fn new(rng: Rng, words: [u32; N]) -> Self {
+    pub fn new(rng: Rng, words: [u32; KNOWN]) -> Self {
         Self { rng, words, next: 0 }
     }
 }
 
-impl<const N: usize> DrawLanes for KnownFirst<N> {
-    type One = OneKnownFirst<N>;
-
-    #[inline(always)]
-    fn next_1d(&mut self) -> [f32; LANES] {
-        let Some(words) = self.words.get(self.next) else { return self.rngs.next_1d() };
-        self.next += 1;
-        numbers_of(words)
-    }
+impl DrawLanes for KnownFirst {
+    type One = OneKnownFirst;
 
     #[inline(always)]
     fn next_bits(&mut self) -> [[u32; LANES]; 2] {
@@ -103,8 +88,8 @@ impl<const N: usize> DrawLanes for KnownFirst<N> {
     }
 
     #[inline(always)]
-    fn get(&self, lane: usize) -> OneKnownFirst<N> {
-        let mut words = [0; N];
+    fn get(&self, lane: usize) -> OneKnownFirst {
+        let mut words = [0; KNOWN];
         for (word, words) in words.iter_mut().zip(&self.words) {
             *word = words[lane];
         }
@@ -113,12 +98,12 @@ impl<const N: usize> DrawLanes for KnownFirst<N> {
 
     /// Replaces the generator of one path. Its known numbers stay.
     #[inline(always)]
-    fn set(&mut self, lane: usize, one: OneKnownFirst<N>) {
+    fn set(&mut self, lane: usize, one: OneKnownFirst) {
         self.rngs.set(lane, one.rng);
     }
 }
 
-impl<const N: usize> Draw for OneKnownFirst<N> {
+impl Draw for OneKnownFirst {
     #[inline(always)]
     fn next_word(&mut self) -> u32 {
         match self.words.get(self.next) {

@@ -192,7 +192,7 @@ impl<'a> Leader<'a> {
     /// process. The work of the others is added to the totals of the state.
     pub fn round(&mut self, state: &mut RenderState) -> Result<Vec<(IterationReport, u64)>> {
         let numbers = self.next_numbers(state);
-        let schedule = state.policy.schedule();
+        let schedule = state.policy.schedule(&state.renderer);
         let renderer = &mut state.renderer;
         let all = renderer.assigned().clone();
         let block = renderer.block();

@@ -14,9 +14,9 @@ const RARE_LIGHT_PENALTY: f64 = 4.0;
 /// no bias and no photons that a whole image shares.
 const MERGING_PENALTY: f64 = 2.0;
 
-/// The same of techniques that weigh merges against connections. In five interiors where `mis` was
-/// chosen, its squared error was 1.4 to 3.6 times that of `path`: trials predict it 2 to 3 times
-/// too low (docs/measurements/interiors.md).
+/// [`MERGING_PENALTY`] of techniques that weigh merges against connections. In five of six
+/// interiors the squared error of `mis` was 1.4 to 3.6 times that of `path`: trials predict it too
+/// low (docs/measurements/interiors.md).
 const WEIGHTED_PENALTY: f64 = 4.0;
 
 /// Further penalty where an image is denoised and pixels share the photons. Short trials see few

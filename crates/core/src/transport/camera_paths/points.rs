@@ -154,7 +154,7 @@ impl CameraPaths {
     }
 
     /// Numbers that choose a light source at the first vertex of one path.
-    pub(super) fn one_light(&self, state: &PathState) -> OneKnownFirst<KNOWN> {
+    pub(super) fn one_light(&self, state: &PathState) -> OneKnownFirst {
         let point = &self.points[self.number_in_batch(state.path)];
         OneKnownFirst::new(state.rng, point.light)
     }
