@@ -333,7 +333,7 @@ fn technique(chosen: &Selection) -> String {
         if best.technique.medium_query.is_some() {
             text += &format!(", {:.2} times as much in media", best.medium_scale);
         }
-        if let Some(guided) = &chosen.guide {
+        if let Some(guided) = chosen.used_guide() {
             text += &format!("; {}", guided.describe());
         }
     }

@@ -47,7 +47,7 @@ fn technique(chosen: &Selection) -> Markup {
                 @if best.technique.medium_query.is_some() {
                     " Radii in media are " (number(best.medium_scale)) " times as large."
                 }
-                @if let Some(guided) = &chosen.guide { " It has " (guided.describe()) "." }
+                @if let Some(guided) = chosen.used_guide() { " It has " (guided.describe()) "." }
             }
             @if let Some(next) = chosen.runner_up() {
                 " The next best, " (next.technique.describe()) ", " (disadvantage(best, next)) "."

@@ -65,9 +65,9 @@ pub struct Learned {
 }
 
 impl Renderer {
-    /// Learns the guide in as many iterations as the settings ask for.
+    /// Learns the guide in as many iterations as the settings ask for, if there are photons.
     pub(super) fn with_learned_guide(self) -> Result<Self> {
-        let all = self.settings.guide;
+        let all = if self.settings.has_photons() { self.settings.guide } else { 0 };
         let learned = (all > 0).then(|| self.learn_guide(|done, _| done < all)).transpose()?;
         Ok(self.guided(learned.map(|learned| learned.guide)))
     }

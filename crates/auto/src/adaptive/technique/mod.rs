@@ -333,7 +333,7 @@ impl Candidate {
 impl Selection {
     /// Settings that render the best candidate.
     pub fn apply(&self, settings: &Settings) -> Settings {
-        let guide = self.guide.map_or(settings.guide, |guided| guided.iterations);
+        let guide = self.used_guide().map_or(settings.guide, |guided| guided.iterations);
         let bias = self.open.bias(settings);
         let mut own = Settings { guide, bias, ..self.best().apply(settings) };
         if self.open.sobol_set {
@@ -341,6 +341,11 @@ impl Selection {
         }
         own.light_paths = own.allowed_light_paths(MAX_LIGHT_PATHS).nearest(own.light_paths);
         own
+    }
+
+    /// The guide of light paths, if the best candidate has photons.
+    pub fn used_guide(&self) -> Option<&Guided> {
+        self.guide.as_ref().filter(|_| self.best().technique.merges())
     }
 
     /// The best candidate.

@@ -10,8 +10,8 @@ use std::hint::black_box;
 const COARSE: usize = REGIONS / 4;
 
 /// Share of choices of a region that goes evenly to all: light from a region that no test found
-/// visible then weighs at most four times as much as without learning.
-const EVEN_REGIONS: f32 = 0.25;
+/// visible then weighs at most ten times as much as without learning, before the weights of hits.
+const EVEN_REGIONS: f32 = 0.1;
 
 /// Units of the most probable region, so that those of all regions fit in 16 bits.
 const UNITS: f32 = 255.0;

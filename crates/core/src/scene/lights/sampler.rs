@@ -68,6 +68,17 @@ impl EstimateSampler {
         self.visibility = visibility;
     }
 
+    /// Index of the environment if there is no other light: it needs no estimates.
+    #[inline]
+    fn sole_environment(&self) -> Option<usize> {
+        match &self.far[..] {
+            [DistantLight { index, toward: None, irradiance }] => {
+                (self.near.is_empty() && *irradiance > 0.0).then_some(*index as usize)
+            }
+            _ => None,
+        }
+    }
+
     fn factors(&self, at: Receiver) -> Option<&Factors> {
         self.visibility.as_deref().map(|visibility| visibility.factors(at))
     }
@@ -87,6 +98,9 @@ impl EstimateSampler {
     /// can light it.
     #[inline(never)] // keeps the loops over vertices short
     pub(super) fn choose(&self, at: Receiver, u: f64) -> Option<(usize, f32)> {
+        if let Some(index) = self.sole_environment() {
+            return Some((index, 1.0));
+        }
         let factors = self.factors(at);
         let (index, prob) = if self.far.is_empty() {
             self.near.choose(at, u, factors)
@@ -99,6 +113,9 @@ impl EstimateSampler {
     /// Probability that [`Self::choose`] takes the light with this index.
     #[inline(never)] // keeps the loops over vertices short
     pub(super) fn prob(&self, index: usize, at: Receiver) -> f32 {
+        if self.sole_environment() == Some(index) {
+            return 1.0;
+        }
         let factors = self.factors(at);
         if self.far.is_empty() {
             return self.near.prob(index, at, factors);

@@ -19,8 +19,8 @@ pub(super) struct SphericalTriangle {
     edges: [DVec3; 2],
     /// Directions of the corners.
     corners: [DVec3; 3],
-    /// Angle at the first corner, radians.
-    alpha: f64,
+    /// Sine and cosine of the angle at the first corner.
+    alpha: [f64; 2],
     /// Solid angle, sr.
     solid_angle: f64,
 }
@@ -54,10 +54,11 @@ impl SphericalTriangle {
         let determinant = a.dot(b.cross(c)).abs();
         // theory.md (14)
         let solid_angle = 2.0 * determinant.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
-        let alpha = across(b, a).angle_between(across(c, a));
+        let (to_b, to_c) = (across(b, a), across(c, a));
+        let alpha = [to_b.cross(to_c).length(), to_b.dot(to_c)];
         // In the triangle's plane no direction hits it, though the angle is 2 pi inside.
         let is_seen = solid_angle > LEAST && determinant > LEAST * LEAST;
-        (is_seen && alpha.is_finite()).then_some(Self { first, edges, corners, alpha, solid_angle })
+        is_seen.then_some(Self { first, edges, corners, alpha, solid_angle })
     }
 
     /// Solid angle, sr.
@@ -83,8 +84,11 @@ impl SphericalTriangle {
     fn direction(&self, [u, v]: [f32; 2]) -> DVec3 {
         let [a, b, c] = self.corners;
         // The triangle ABC' of the share u of the angle; c is the side AB. Section 2 there.
-        let (sin_alpha, cos_alpha) = self.alpha.sin_cos();
-        let (s, t) = (f64::from(u) * self.solid_angle - self.alpha).sin_cos();
+        let [sin_alpha, cos_alpha] = self.alpha;
+        // Sine and cosine of the share of the solid angle less the angle.
+        let (sin, cos) = (f64::from(u) * self.solid_angle).sin_cos();
+        let s = sin * cos_alpha - cos * sin_alpha;
+        let t = cos * cos_alpha + sin * sin_alpha;
         let p = t - cos_alpha;
         let q = s + sin_alpha * a.dot(b);
         let cos_b = ((q * t - p * s) * cos_alpha - q) / ((q * s + p * t) * sin_alpha);

@@ -106,9 +106,14 @@ impl LightTree {
         tree
     }
 
+    /// Whether no emitter has a position.
+    pub(super) fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
     /// An estimate of the irradiance from all emitters, W/m^2; 0 only if none can light `at`.
     pub(super) fn estimate(&self, at: Receiver, factors: Option<&Factors>) -> f32 {
-        if self.nodes.is_empty() {
+        if self.is_empty() {
             return 0.0;
         }
         vectorized(

@@ -24,7 +24,7 @@ const SLOTS: usize = LEARNED_NODES * WIDE;
 pub(super) const MOST_DISTANT: usize = WIDE - 1;
 
 /// Cells along the longest side of the grid.
-const CELLS: f32 = 32.0;
+const CELLS: f32 = 20.0;
 
 /// Cells along each side of a block: cells with few tests resemble their block.
 const BLOCK: u32 = 4;
@@ -88,8 +88,9 @@ impl Factors {
 pub(super) struct Grid {
     /// Corner of the first cell, scene units.
     low: Vec3,
-    /// Side of a cell, scene units.
+    /// Side of a cell, scene units, and its inverse.
     side: f32,
+    inverse_side: f32,
     /// Cells along each axis.
     count: UVec3,
 }
@@ -110,7 +111,7 @@ impl Grid {
         }
         let side = ((high - low).max_element() / CELLS).max(f32::MIN_POSITIVE);
         let count = ((high - low) / side).ceil().clamp(Vec3::ONE, Vec3::splat(CELLS)).as_uvec3();
-        Self { low, side, count }
+        Self { low, side, inverse_side: side.recip(), count }
     }
 
     pub(super) fn len(&self) -> usize {
@@ -122,7 +123,7 @@ impl Grid {
     #[inline]
     pub(super) fn cell(&self, at: Receiver) -> usize {
         let front = at.normal.map_or(Vec3::ZERO, |normal| 0.5 * self.side * normal);
-        let cell = ((at.position + front - self.low) / self.side).max(Vec3::ZERO);
+        let cell = ((at.position + front - self.low) * self.inverse_side).max(Vec3::ZERO);
         let [x, y, z] = cell.as_uvec3().min(self.count - 1).to_array();
         ((z * self.count.y + y) * self.count.x + x) as usize
     }
