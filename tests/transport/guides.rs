@@ -6,7 +6,7 @@ use crate::common::*;
 use bdpm::noise::Measure;
 use bdpm::render::RenderConfig;
 use bdpm::scene::lights::guide::{Guide, GuideSample, GuidedStart};
-use bdpm::settings::{Direct, Settings};
+use bdpm::settings::{Direct, Settings, Strategy};
 use bdpm::{Renderer, Scene};
 use std::sync::Arc;
 
@@ -123,4 +123,21 @@ fn guide_depends_neither_on_threads_nor_on_counts_nor_on_the_seed() {
     let counts = Settings { light_paths: 300, camera_paths: 1, seed: 8, ..own.clone() };
     assert_eq!(one.0, learned(2, counts).0);
     assert_ne!(one.0, learned(2, Settings { guide: 10, ..own }).0);
+}
+
+/// Its camera paths would spend time on densities that no weight has. Other strategies learn again.
+#[test]
+fn path_tracing_has_no_guide() {
+    let scene = &daylight();
+    let accel = accel(scene);
+    let own = Settings { guide: 9, strategy: Strategy::Path, ..settings(20, 20) };
+    let path = Renderer::new(scene, &accel, own.clone()).unwrap();
+    let has_guide = |renderer: &Renderer| {
+        let (scene, _) = renderer.scene_and_accel();
+        (renderer.guide().is_some(), scene.lights().has_weighted_guide())
+    };
+    assert_eq!(has_guide(&path), (false, false));
+    let mis = path.with_settings(Settings { strategy: Strategy::Mis, ..own.clone() }).unwrap();
+    assert_eq!(has_guide(&mis), (true, true));
+    assert_eq!(has_guide(&mis.with_settings(own).unwrap()), (false, false));
 }

@@ -52,6 +52,8 @@ impl Penalties {
         let shared = if denoises && is_shared { SHARED_PHOTONS_PENALTY } else { 1.0 };
         let merging = match technique.merges() {
             true if technique.strategy.is_weighted() => WEIGHTED_PENALTY * shared,
+            // Short trials are the reason for both penalties.
+            true if is_rare => shared,
             true => MERGING_PENALTY * shared,
             false => 1.0,
         };

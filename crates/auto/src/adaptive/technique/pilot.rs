@@ -27,10 +27,6 @@ const ROUNDS: [f64; 3] = [0.35, 0.4, 0.25];
 /// smallest by this factor.
 const HOPELESS: f64 = 4.0;
 
-/// The same factor where path tracing is the best. The image then has the rest of the pilot's time:
-/// only photons need its other rounds.
-const HOPELESS_BESIDE_PATH: f64 = 2.0;
-
 /// Penalty on the predicted squared error of a candidate that was never tried at its radii.
 ///
 /// It is multiplied by the largest factor by which trials of other candidates exceeded their
@@ -174,12 +170,10 @@ impl Pilot<'_> {
         ranked.sort_by(|one, other| one.0.total_cmp(&other.0));
         // A photon map that few pixels see looks less noisy than it is.
         let is_known = |(_, tried): &&(f64, Tried)| !tried.is_thin(&weights[..]);
-        let (least, best) = ranked.iter().find(is_known).unwrap_or(&ranked[0]);
-        let (least, has_photons) = (*least, best.technique.merges());
-        let hopeless = if has_photons { HOPELESS } else { HOPELESS_BESIDE_PATH };
+        let least = ranked.iter().find(is_known).unwrap_or(&ranked[0]).0;
         // A rank that is not a number is kept, so that at least one technique is left.
         ranked.retain_mut(|(rank, tried)| {
-            let is_hopeless = *rank > hopeless * least;
+            let is_hopeless = *rank > HOPELESS * least;
             tried.is_reserve = is_hopeless && !tried.technique.merges();
             !is_hopeless || tried.is_reserve
         });
