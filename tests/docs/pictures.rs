@@ -7,9 +7,6 @@ use std::path::Path;
 /// Bytes of a picture.
 const MOST_BYTES: u64 = 400 * 1024;
 
-/// Pictures of an earlier size, until they are made again.
-const OLDER: [&str; 1] = ["hall"];
-
 /// Pictures of one image in the script, with the size of the image. Strips of several images are
 /// left out.
 fn sizes(script: &str) -> Vec<(String, (u32, u32))> {
@@ -37,8 +34,7 @@ fn pictures_have_the_size_of_the_script() {
             continue; // Not each picture of the script is in the documentation.
         }
         let size = image::image_dimensions(root().join(&path)).unwrap();
-        let is_older = OLDER.contains(&&name[..]);
-        assert_eq!(size == expected, !is_older, "{path}: {size:?}, in the script {expected:?}");
+        assert_eq!(size, expected, "{path}: its size, and that in the script");
     }
 }
 
