@@ -18,6 +18,9 @@ import time
 
 from mitsuba_paths import PathTracer
 
+# Of each pixel in an iteration: the usual choice of automatic renders
+CAMERA_PATHS = 3
+
 
 def mitsuba_speed(tracer, seconds, first_seed):
     start, passes = time.perf_counter(), 0
@@ -31,13 +34,10 @@ def bdpm_speed(options, path, size, iterations):
     with tempfile.TemporaryDirectory() as folder:
         out = pathlib.Path(folder) / "image.exr"
         command = [options.bdpm, "render", str(path), "--output", str(out), "--strategy", "path"]
-        command += ["--camera-paths", "1", "--iterations", str(iterations), "--threads", str(options.threads)]
+        command += ["--camera-paths", str(CAMERA_PATHS), "--iterations", str(iterations), "--threads", str(options.threads)]
         command += ["--resolution", "{}x{}".format(*size), "--layers", "none", "--json", "--quiet"]
-        start = time.perf_counter()
         run = subprocess.run(command, capture_output=True, text=True, check=True)
-        seconds = time.perf_counter() - start
-        own = json.loads(run.stdout)["seconds"]
-        return iterations / (seconds - own["load"] - own["write"])
+        return iterations * CAMERA_PATHS / json.loads(run.stdout)["seconds"]["render"]
 
 
 def main():
@@ -53,7 +53,8 @@ def main():
     for path in options.scenes:
         tracer = PathTracer(path, options.width, options.threads)
         tracer.render_pass(1)
-        iterations = max(8, round(bdpm_speed(options, path, tracer.size, 8) * options.seconds))
+        per_second = bdpm_speed(options, path, tracer.size, 3)
+        iterations = max(3, round(per_second * options.seconds / CAMERA_PATHS))
         rounds = []
         for number in range(options.rounds):
             their = mitsuba_speed(tracer, options.seconds, 100 * (1 + number))
