@@ -130,7 +130,8 @@ fn guide_depends_neither_on_threads_nor_on_counts_nor_on_the_seed() {
 fn path_tracing_has_no_guide() {
     let scene = &daylight();
     let accel = accel(scene);
-    let own = Settings { guide: 9, strategy: Strategy::Path, ..settings(20, 20) };
+    let (strategy, merge_vertex) = (Strategy::Path, 2);
+    let own = Settings { guide: 9, strategy, merge_vertex, ..settings(20, 20) };
     let path = Renderer::new(scene, &accel, own.clone()).unwrap();
     let has_guide = |renderer: &Renderer| {
         let (scene, _) = renderer.scene_and_accel();

@@ -6,8 +6,8 @@ use bdpm_core::settings::Strategy;
 use serde::{Deserialize, Serialize};
 
 /// Penalty on the squared error of techniques that find lamps in rough surfaces only by random
-/// sampling, because short trials miss most of that light. It replaces [`MERGING_PENALTY`]. In the public scene `veach-mis` one of
-/// them was predicted 11 % relative error and had 77 %.
+/// sampling, because short trials miss most of that light. It replaces [`MERGING_PENALTY`]. In the
+/// public scene `veach-mis` one of them was predicted 11 % relative error and had 77 %.
 const RARE_LIGHT_PENALTY: f64 = 4.0;
 
 /// Penalty on the squared error of techniques that merge: near ties go to path tracing, which has
