@@ -112,7 +112,7 @@ make_picture() {
         materials) single materials materials 400 --resolution 1440x810 ;;
         caustic-sphere) single caustic-sphere caustic-sphere 300 --resolution 800x800 ;;
         smoke) denoised smoke smoke 200 --resolution 512x512 ;;
-        prism) denoised prism prism 480 --resolution 1600x1200 --caustic-radius 0.01 ;;
+        prism) denoised prism prism 240 --resolution 1600x1200 --caustic-radius 0.005 ;;
         diamond-ring) denoised diamond-ring diamond-ring 300 --resolution 1600x1200 --strategy mis ;;
         cornell-box) single cornell-box cornell-box 60 --resolution 512x512 ;;
         # Equal time against path tracing; a path tracer cannot sample the lights of point-caustic at all.
