@@ -299,3 +299,26 @@ fn each_of_many_emitters_is_chosen_with_its_probability() {
         assert!((chosen - share * n).abs() < 4.0 * error, "{class}: {chosen}");
     }
 }
+
+/// It is the only light that can be chosen, whatever was learned. A lamp beside it shares choices.
+#[test]
+fn a_sole_environment_is_always_chosen() {
+    let of = |emitters| {
+        let mut lights = Lights::new(emitters);
+        let mut map = Environment::new(8, 4, vec![Rgb::new(0.3, 0.5, 0.2); 32], 20.0);
+        map.enclose(&crate::base::math::Bounds { min: Vec3::splat(-5.0), max: Vec3::splat(5.0) });
+        lights.set_environment(Some(map));
+        lights
+    };
+    let at = Receiver { position: Vec3::new(0.5, 0.5, 2.0), normal: Some(Vec3::NEG_Z) };
+    for lights in [of(vec![]), learned(of(vec![]))] {
+        for u in [0.0, 0.3, 0.999] {
+            assert_eq!(lights.by_estimate.choose(at, u), Some((0, 1.0)));
+        }
+        assert_eq!(lights.by_estimate.prob(0, at), 1.0);
+    }
+    for lights in [of(vec![panel()]), learned(of(vec![panel()]))] {
+        let [lamp, sky] = [0, 1].map(|index| lights.by_estimate.prob(index, at));
+        assert!(lamp > 0.0 && sky > 0.0 && (lamp + sky - 1.0).abs() < 1e-5, "{lamp} {sky}");
+    }
+}
