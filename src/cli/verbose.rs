@@ -269,9 +269,9 @@ mod tests {
 
     #[test]
     fn candidates_of_older_files_have_no_penalties() {
-        let own = candidate(0.1, Penalties { rare_light: 4.0, ..Penalties::default() });
+        let own = candidate(0.1, Penalties { untried: 4.0, ..Penalties::default() });
         let mut json = serde_json::to_value(own).unwrap();
-        assert_eq!(json["penalties"]["rare_light"], 4.0);
+        assert_eq!(json["penalties"]["untried"], 4.0);
         assert_eq!(serde_json::from_value::<Candidate>(json.clone()).unwrap(), own);
         json.as_object_mut().unwrap().remove("penalties");
         let older: Candidate = serde_json::from_value(json).unwrap();

@@ -1,13 +1,13 @@
 //! Light that materials send on: the caustic of a glass ball against optics by hand and by every
-//! strategy, and the noise of each material against its prediction.
+//! strategy, a lamp in rough metal, and the noise of each material against its prediction.
 
 use crate::common::material_noise::assert_predicted;
 use crate::common::*;
 use bdpm::Settings;
 use bdpm::base::math::luminance;
-use bdpm::scene::bsdf::{Bsdf, Dielectric};
+use bdpm::scene::bsdf::{Bsdf, Conductor, Dielectric, Reflectance};
 use bdpm::scene::{Material, Scene};
-use bdpm::settings::Direct;
+use bdpm::settings::{Direct, Strategy};
 use bdpm::transport::light_paths::LightPaths;
 use glam::{DVec2, Vec3};
 use std::f64::consts::PI;
@@ -138,6 +138,44 @@ fn the_caustic_is_the_same_by_every_strategy() {
             "{direct:?} {merge_vertex}: {other:?}, not {reference:?}"
         );
     }
+}
+
+/// Paths that end at a lamp in rough metal are connected, hit, and weighted by every strategy. No
+/// photon has a part in them, so that all images are those of `mis` to the last bit.
+#[test]
+fn a_small_lamp_in_rough_metal_is_sampled_alike_by_every_strategy() {
+    let silver = Reflectance::Artist { normal: Vec3::new(0.9, 0.8, 0.6) };
+    let metal = dark(Bsdf::Conductor(Conductor::new(silver, 0.15)));
+    let meshes = vec![
+        square(Vec3::ZERO, Vec3::Z, 4.0, 0),
+        square(Vec3::new(0.0, 2.0, 2.0), Vec3::new(0.0, -1.0, -1.0).normalize(), 0.03, 1),
+    ];
+    let camera = camera(Vec3::new(0.0, -2.0, 2.0), Vec3::ZERO, 40.0);
+    let scene = scene(meshes, vec![metal, gray(0.0, 100.0)], vec![], camera);
+    let accel = accel(&scene);
+    let samples = |strategy, direct, merge_vertex| {
+        let settings = Settings { strategy, direct, merge_vertex, seed: 5, ..settings(16, 16) };
+        pixel_samples(&scene, &accel, settings, 100)
+    };
+    let expected = samples(Strategy::Mis, Direct::Connect, 2);
+    for (strategy, direct, merge_vertex) in [
+        (Strategy::CutMis, Direct::Connect, 2),
+        (Strategy::Single, Direct::Connect, 1),
+        (Strategy::Single, Direct::Connect, 2),
+        (Strategy::Single, Direct::PhotonMap, 1),
+    ] {
+        let found = samples(strategy, direct, merge_vertex);
+        assert!(found == expected, "{strategy:?} {direct:?} {merge_vertex}");
+    }
+    // Path tracing takes other numbers.
+    let mean = |samples: &[Vec<f64>]| {
+        let image = |iteration: usize| samples.iter().map(|own| own[iteration]).sum::<f64>();
+        Estimate::from_samples(&(0..100).map(image).collect::<Vec<_>>())
+    };
+    let [expected, path] =
+        [expected, samples(Strategy::Path, Direct::Connect, 2)].map(|s| mean(&s));
+    assert!(expected.error < 0.005 * expected.mean, "says little: {expected:?}");
+    Estimate { error: expected.error.hypot(path.error), ..expected }.assert_is(path.mean, 0.0);
 }
 
 #[test]

@@ -298,6 +298,11 @@ impl Scene {
         &self.materials
     }
 
+    /// Returns true if any material has a lobe that is [`Lobe::Rough`](bsdf::Lobe::Rough).
+    pub fn has_rough_materials(&self) -> bool {
+        self.materials.iter().any(|material| material.bsdf.has_rough())
+    }
+
     /// All lights, emissive triangles among them.
     pub fn lights(&self) -> &Lights {
         &self.lights

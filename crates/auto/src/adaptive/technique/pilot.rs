@@ -218,8 +218,7 @@ impl Pilot<'_> {
     }
 
     fn penalties(&self, technique: Technique) -> Penalties {
-        let denoises = self.demand.denoises;
-        Penalties::of(technique, self.runner.mirrors_lamps_roughly(), denoises)
+        Penalties::of(technique, self.demand.denoises)
     }
 
     /// Fits the trials of a technique so far. A bias that none of them measured is that of the

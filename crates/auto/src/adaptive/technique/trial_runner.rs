@@ -16,8 +16,8 @@ use bdpm_core::render::guiding::{
     LEARNING_CAMERA_PATHS, LEARNING_LIGHT_PATHS, LEARNING_PIXELS, LEARNING_ROUND, Learned,
 };
 use bdpm_core::render::{NestedPart, RenderConfig};
+use bdpm_core::scene::Scene;
 use bdpm_core::scene::lights::guide::Guide;
-use bdpm_core::scene::{Emitter, Scene};
 use bdpm_core::settings::Settings;
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -307,14 +307,6 @@ fn measure_noise(
 }
 
 impl<'a> TrialRunner<'a> {
-    /// Whether rough surfaces that paths pass through can show lamps that rays can hit. All
-    /// strategies but `mis` find these lamps only by random sampling.
-    pub fn mirrors_lamps_roughly(&self) -> bool {
-        let lights = self.scene.lights();
-        let are_hit = lights.has_environment() || !lights.emitters().iter().all(Emitter::is_delta);
-        are_hit && self.scene.materials().iter().any(|material| material.bsdf.has_rough())
-    }
-
     /// The largest luminance that a camera path is likely to find, W/(m^2 sr).
     pub fn brightest(&self) -> f64 {
         brightest_path(self.scene)

@@ -86,13 +86,6 @@ impl Lights {
         self.connect_chosen(ChosenLight { at, ..light.chosen }, &mut Rng::default())
     }
 
-    /// [`Self::connect`] with lights that no ray can hit; `None` if there are none.
-    #[inline(never)] // rare
-    pub fn connect_delta(&self, at: Receiver, rng: &mut Rng) -> Option<LightSample> {
-        let (index, prob) = self.delta_by_estimate.choose(at, rng.next_f64())?;
-        self.connect_chosen(ChosenLight { index, prob, at }, rng)
-    }
-
     /// [`Self::connect`] for each of at most [`LANES`] receivers, by its own generator. Together
     /// they wait less for memory than one by one.
     pub fn connect_each<R: Draw>(

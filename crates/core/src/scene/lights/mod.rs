@@ -101,8 +101,6 @@ pub struct Lights {
     by_power: Arc<PowerSampler>,
     /// Chooses among them for a receiver.
     by_estimate: EstimateSampler,
-    /// Chooses among the emitters that no ray can hit.
-    delta_by_estimate: EstimateSampler,
     /// Density of the starts of light paths, where MIS weights depend on it.
     weighted_guide: Option<Arc<Guide>>,
 }
@@ -157,14 +155,12 @@ impl Lights {
     pub fn new(mut emitters: Vec<Emitter>) -> Self {
         emitters.retain(Emitter::has_power);
         let by_power = Arc::new(PowerSampler::new(emitters.iter().map(power_weight)));
-        let by_estimate = EstimateSampler::new(&emitters, |_| true);
-        let delta_by_estimate = EstimateSampler::new(&emitters, Emitter::is_delta);
+        let by_estimate = EstimateSampler::new(&emitters);
         Self {
             emitters: emitters.into(),
             environment: None,
             by_power,
             by_estimate,
-            delta_by_estimate,
             weighted_guide: None,
         }
     }

@@ -49,9 +49,9 @@ const EVEN_SHARE: f32 = 0.5;
 const EVEN_SHARE_LEARNED: f32 = 0.2;
 
 impl EstimateSampler {
-    /// A sampler of the `wanted` ones among `emitters`.
-    pub(super) fn new(emitters: &[Emitter], wanted: impl Fn(&Emitter) -> bool) -> Self {
-        let own = || (0..).zip(emitters).filter(|(_, emitter)| wanted(emitter));
+    /// A sampler of all `emitters`.
+    pub(super) fn new(emitters: &[Emitter]) -> Self {
+        let own = || (0..).zip(emitters);
         let sun = |(index, emitter): (u32, &Emitter)| match emitter {
             Emitter::Directional(light) => {
                 let irradiance = luminance(light.irradiance);

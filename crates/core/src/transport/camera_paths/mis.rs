@@ -83,7 +83,7 @@ impl LastVertex {
 impl CameraPaths {
     /// Prepares partials for the new paths, the last in `direct`.
     pub(super) fn start_partials(&mut self) {
-        if self.mis.is_some() {
+        if self.hit_weights.is_some() {
             // Entries from the first new path on belong to paths that were cleared.
             self.last_vertices.truncate(self.first_path);
             self.last_vertices.resize(self.direct.len(), LastVertex::default());
@@ -180,7 +180,8 @@ impl CameraPaths {
         (lobe, values): (Lobe, &LobeValue),
         light: &LightSample,
     ) -> f32 {
-        let Some(mis) = self.mis else { return 1.0 };
+        let weights = if lobe == Lobe::Rough { self.hit_weights } else { self.mis };
+        let Some(mis) = weights else { return 1.0 };
         let PathVertex { surface, at, state } = *vertex;
         let partial = &self.last_vertices[state.path as usize].partial;
         let directions = Directions { camera: surface.wo, light: light.wi };
@@ -209,7 +210,7 @@ impl CameraPaths {
 
     /// Updates the partial of a path that continues from any vertex.
     pub(super) fn update_partial(&mut self, vertex: &PathVertex, sample: &BsdfSample) {
-        let Some(mis) = self.mis else { return };
+        let Some(mis) = self.hit_weights else { return };
         let PathVertex { surface, state, .. } = *vertex;
         let last = &mut self.last_vertices[state.path as usize];
         let directions = Directions { camera: surface.wo, light: sample.wi };
@@ -247,7 +248,7 @@ impl CameraPaths {
         side: TriangleSide,
         [position, direction]: [Vec3; 2],
     ) -> f32 {
-        let Some(mis) = self.mis else { return 1.0 };
+        let Some(mis) = self.hit_weights else { return 1.0 };
         let last = &self.last_vertices[path as usize];
         let Some(emitter) = scene.emitter(side) else { return 1.0 };
         let lights = scene.lights();
@@ -269,7 +270,7 @@ impl CameraPaths {
         diffuse: u32,
         direction: Vec3,
     ) -> Rgb {
-        let Some(mis) = self.mis else { return lights.environment_radiance(direction) };
+        let Some(mis) = self.hit_weights else { return lights.environment_radiance(direction) };
         let last = &self.last_vertices[path as usize];
         let (radiance, connection_pdf_w) = if last.density > 0.0 {
             lights.environment_sight(direction, last.receiver)

@@ -101,8 +101,12 @@ pub struct CameraPaths {
     /// Paths with the light that meters receive through panes.
     pane_light: Vec<(u32, Rgb)>,
     occluded: Vec<Mask>,
+    /// Weights of all techniques; `None` if one technique samples each path after a diffuse vertex.
     mis: Option<Mis>,
-    /// Last vertex of each path, with MIS.
+    /// Weights of light that paths hit and of connections from rough lobes: those of `mis`, or of
+    /// both alone before the first diffuse vertex. `None` if both never sample the same path.
+    hit_weights: Option<Mis>,
+    /// Last vertex of each path, with these weights.
     last_vertices: Vec<LastVertex>,
     /// AOVs of each path, if recorded.
     pub aovs: Vec<PathAov>,
@@ -152,6 +156,9 @@ impl CameraPaths {
     /// Traces one more batch.
     pub fn trace(&mut self, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
         self.mis = Mis::new(pass.settings);
+        self.hit_weights = self.mis.or_else(|| {
+            pass.scene.has_rough_materials().then(|| Mis::before_diffuse(pass.settings))
+        });
         vectorized(
             #[inline(always)]
             |simd| self.start(simd, pass, paths),
@@ -378,7 +385,7 @@ impl CameraPaths {
         let (directions, guided) = diffuse_directions(pass, at, &goes_on, &numbers);
         states.direction = directions;
         let mis = self.mis;
-        let continues = mis.is_some_and(|mis| mis.continues);
+        let continues = mis.is_some_and(|mis| mis.continues());
         let ends = if continues { states.rng.next_1d() } else { [0.0; LANES] };
         for (lane, goes_on) in goes_on.iter_mut().enumerate() {
             let albedo = at.albedo.get(lane);
@@ -405,7 +412,7 @@ impl CameraPaths {
             let counts = self.counts_hit(pass, states.history[lane]);
             if at.active[lane] && at.front[lane] && counts {
                 let mut emission = at.emission.get(lane);
-                if self.mis.is_some() && emission != Rgb::ZERO {
+                if self.hit_weights.is_some() && emission != Rgb::ZERO {
                     let facet = TriangleSide { mesh: at.mesh[lane], side: at.side[lane] };
                     let segment = [at.position.get(lane), states.direction.get(lane)];
                     emission *= self.emission_weight(

@@ -148,8 +148,9 @@ impl CameraPaths {
         let mut count = 0;
         for (number, Other { surface, state }) in others.iter().enumerate() {
             let diffuse = surface.bsdf.merges() && pass.connects();
-            let connected =
-                Connected { diffuse, rough: surface.bsdf.has_rough() && self.mis.is_some() };
+            // Without MIS, photons contribute light of rough lobes after a diffuse vertex.
+            let is_sampled = self.mis.is_some() || state.history.diffuse() == 0;
+            let connected = Connected { diffuse, rough: surface.bsdf.has_rough() && is_sampled };
             if connected != Connected::default() {
                 receivers[count] = surface.receiver();
                 rngs[count] = state.rng;
@@ -175,22 +176,6 @@ impl CameraPaths {
             let Other { surface, state } = &mut others[number];
             state.rng = rngs[i];
             self.connect_lobes(pass.scene, surface, state, connected, samples[i]);
-        }
-        if self.mis.is_none() {
-            self.connect_delta_lights(pass, others);
-        }
-    }
-
-    /// Without MIS, connects the rough lobes before the first diffuse vertex with lights that
-    /// cannot be hit. Others are hit, and photons contribute these paths after a diffuse vertex.
-    fn connect_delta_lights(&mut self, pass: &CameraPass, others: &mut [Other]) {
-        for Other { surface, state } in others {
-            if surface.bsdf.has_rough() && state.history.diffuse() == 0 {
-                let lights = pass.scene.lights();
-                let light = lights.connect_delta(surface.receiver(), &mut state.rng);
-                let connected = Connected { rough: true, diffuse: false };
-                self.connect_lobes(pass.scene, surface, state, connected, light);
-            }
         }
     }
 

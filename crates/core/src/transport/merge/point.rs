@@ -36,7 +36,7 @@ impl Merge<'_> {
             let weights = &VertexWeights::<1>::new(&mis, point, has_caustics);
             return self.merge_lambertian::<E, PAIRS>(batch, search, weights, 1.0, pairs);
         }
-        if mis.continues || !mis.connects {
+        if mis.continues() || !mis.connects {
             let weights = &VertexWeights::<2>::new(&mis, point, has_caustics);
             return self.merge_lambertian::<E, PAIRS>(batch, search, weights, 1.0, pairs);
         }

@@ -52,32 +52,49 @@ pub struct Mis {
     pub balance: Balance,
     /// Light straight from a light source is connected to diffuse vertices, not merged.
     pub connects: bool,
-    /// Camera paths go on after their second diffuse vertex.
-    pub continues: bool,
+    /// The diffuse vertex at which camera paths are cut; `None` if they go on.
+    pub last_vertex: Option<u32>,
 }
 
 impl Mis {
     /// The constants of these settings; `None` if their strategy needs no weights.
     pub fn new(settings: &Settings) -> Option<Self> {
-        settings.strategy.is_weighted().then(|| Self {
-            balance: Balance::new(settings),
-            connects: settings.connects(),
-            continues: settings.strategy.continues(),
-        })
+        settings.strategy.is_weighted().then(|| Self::with(Balance::new(settings), settings))
+    }
+
+    /// The constants for what camera paths sample before their first diffuse vertex: light that
+    /// they hit, and connections from rough lobes. No photon has a part in these paths, so that
+    /// they have the same weights with all strategies.
+    pub fn before_diffuse(settings: &Settings) -> Self {
+        Self::new(settings).unwrap_or_else(|| Self::with(Balance::WITHOUT_MERGES, settings))
+    }
+
+    fn with(balance: Balance, settings: &Settings) -> Self {
+        let last_vertex = (!settings.strategy.continues()).then_some(settings.merge_vertex);
+        Self { balance, connects: settings.connects(), last_vertex }
+    }
+
+    /// Camera paths go on after the last diffuse vertex at which photons may be merged.
+    #[inline(always)] // part of vector loops, as the next function
+    pub fn continues(&self) -> bool {
+        self.last_vertex.is_none()
     }
 
     /// Survival of camera paths at their diffuse vertex of this number, from 1 on.
-    #[inline(always)] // part of vector loops
+    #[inline(always)]
     pub fn camera_survival(&self, vertex: u32) -> Survival {
         match vertex {
             1 => Survival::Certain,
-            _ if self.continues => Survival::Reflected,
+            _ if self.continues() => Survival::Reflected,
             _ => Survival::Never,
         }
     }
 
     /// Lobes from which camera paths choose after this number of diffuse vertices.
     pub fn pass_choice(&self, diffuse: u32) -> PassChoice {
-        if self.continues || diffuse == 0 { PassChoice::Free } else { PassChoice::Forced }
+        match self.last_vertex {
+            Some(last) if diffuse + 1 >= last => PassChoice::Forced,
+            _ => PassChoice::Free,
+        }
     }
 }

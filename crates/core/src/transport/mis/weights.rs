@@ -69,10 +69,13 @@ pub struct StraightDensities {
 }
 
 impl Balance {
+    /// Connections and hits alone.
+    pub const WITHOUT_MERGES: Self = Self { eta: 0.0, scales: [0.0; 2], caustic: 1.0 };
+
     /// The constants of these settings.
     pub fn new(settings: &Settings) -> Self {
         if !settings.has_photons() {
-            return Self { eta: 0.0, scales: [0.0; 2], caustic: 1.0 };
+            return Self::WITHOUT_MERGES;
         }
         let MisScales { light_paths, scales } = settings.mis_scales();
         let eta = light_paths as f32 * disc_area(settings.radius);
