@@ -1,7 +1,9 @@
 //! Chooses the path counts that minimize the cost of an image, from all measurements so far.
 
 use super::denoised_noise::left_by_denoiser;
-use super::optimize::{CountLimits, MAX_CAMERA_PATHS, NEAR_OPTIMUM, Objective, Problem, Uniform};
+use super::optimize::{
+    CountLimits, MAX_CAMERA_PATHS, NEAR_OPTIMUM, Objective, PerPixel, Problem, Uniform,
+};
 use super::stopping::{Convergence, Stop, luminances};
 use crate::timing::TimeModel;
 use bdpm_core::film::cells::CellGrid;
@@ -95,19 +97,26 @@ impl CountChooser<'_> {
         let scale = self.convergence.set_factor * scale;
         let scale =
             scale / left * pooled_share(stop.objective, &smoothed, &renderer.block().counts, grid);
-        let problem = |iteration_time| {
+        let problem = |cells: &[Coefficients], iteration_time| {
             let bounds = CountLimits {
                 light_paths: renderer.allowed_light_paths().bounds(),
                 camera_paths: 1..=MAX_CAMERA_PATHS,
                 iteration_time,
             };
-            Problem::new(&smoothed, &luminance, stop.objective, self.times, &bounds)
+            Problem::new(cells, &luminance, stop.objective, self.times, &bounds)
                 .of_squares(grid.pixels_per_cell())
         };
-        let problem = problem(self.longest_iteration(problem, scale));
-        let uniform = problem.shortest_uniform(NEAR_OPTIMUM);
-        let (mut counts, cost) = self.best_counts(&problem, &uniform, grid);
-        let one_path_each = scale * problem.evaluate_uniform(settings.pixels() as u32, 1).cost;
+        let longest = self.longest_iteration(|time| problem(&smoothed, time), scale);
+        let pooled = problem(&smoothed, longest);
+        let uniform = pooled.shortest_uniform(NEAR_OPTIMUM);
+        let per_pixel = match settings.has_photons() {
+            true => Some(pooled.shortest_per_pixel(NEAR_OPTIMUM)),
+            false => self.noise_of_paths(grid).and_then(|noise| {
+                by_neighbors(noise, grid.size(), |cells| problem(cells, longest), &uniform)
+            }),
+        };
+        let (mut counts, cost) = self.best_counts(&uniform, per_pixel, grid);
+        let one_path_each = scale * pooled.evaluate_uniform(settings.pixels() as u32, 1).cost;
         // The cost of the present counts is measured from the samples of the block.
         // theory.md (88)
         let present_tau = self.iteration_time(&renderer.block().counts);
@@ -171,19 +180,29 @@ impl CountChooser<'_> {
         max_time
     }
 
-    /// The counts of `uniform`, or those per pixel if they are better by enough, with their cost.
-    fn best_counts(&self, problem: &Problem, uniform: &Uniform, grid: CellGrid) -> (Counts, f64) {
+    /// The variance of a camera path of path tracing in each cell; `None` before it is known.
+    fn noise_of_paths(&self, grid: CellGrid) -> Option<Vec<f64>> {
+        let Block { film, counts, .. } = self.renderer.block();
+        let paths = |cell| f64::from(counts.camera_paths.at(grid.first_pixel(cell)));
+        let variance = film.cell_variance()?.into_iter().enumerate();
+        let of_path =
+            |(cell, variance): (usize, f64)| variance * film.iterations as f64 * paths(cell);
+        Some(variance.map(of_path).collect())
+    }
+
+    /// The counts of `uniform`, or those per cell if they are better by enough, with their cost.
+    fn best_counts(
+        &self,
+        uniform: &Uniform,
+        per_pixel: Option<PerPixel>,
+        grid: CellGrid,
+    ) -> (Counts, f64) {
         let allowed = self.renderer.allowed_light_paths();
-        // Counts of path tracing would follow its few bright paths more than the image: in five of
-        // six interiors equal counts had .64 to .99 times the squared error
-        // (docs/measurements/interiors.md).
-        if self.per_pixel && self.renderer.settings().has_photons() {
-            let best = problem.shortest_per_pixel(NEAR_OPTIMUM);
-            if best.cost < uniform.cost * (1.0 - WORTHWHILE_PER_PIXEL) {
-                let camera_paths = CameraCounts::PerPixel(grid.expanded(&best.camera_paths));
-                let light_paths = allowed.nearest(best.light_paths);
-                return (Counts { light_paths, camera_paths }, best.cost);
-            }
+        let is_better = |own: &PerPixel| own.cost < uniform.cost * (1.0 - WORTHWHILE_PER_PIXEL);
+        if let Some(best) = per_pixel.filter(|own| self.per_pixel && is_better(own)) {
+            let camera_paths = CameraCounts::PerPixel(grid.expanded(&best.camera_paths));
+            let light_paths = allowed.nearest(best.light_paths);
+            return (Counts { light_paths, camera_paths }, best.cost);
         }
         let light_paths = allowed.nearest(uniform.light_paths);
         (Counts::uniform(light_paths, uniform.camera_paths), uniform.cost)
@@ -280,6 +299,78 @@ pub fn fitted_times(pilot_times: &TimeModel, blocks: &[Block]) -> TimeModel {
     pilot_times.scaled(scale)
 }
 
+/// Sides of the squares of neighbors are twice these numbers and one: few neighbors show where noise
+/// is, many show less of their own noise. The best one is taken.
+const NEIGHBORHOODS: [usize; 3] = [2, 5, 12];
+
+/// Counts of path tracing in each cell by the noise of the cells around it alone, with their cost by
+/// the noise of the cell itself. Counts that followed the noise of their own cell would follow its
+/// few bright paths: in five of six interiors equal counts had .64 to .99 times the squared error
+/// (docs/measurements/interiors.md). Paths of different pixels are independent, so this cost has no
+/// bias. theory.md (87a)
+fn by_neighbors(
+    noise: Vec<f64>,
+    size: (u32, u32),
+    problem: impl Fn(&[Coefficients]) -> Problem,
+    uniform: &Uniform,
+) -> Option<PerPixel> {
+    let of_paths = |noise: &[f64]| {
+        let cells = noise.iter().map(|&b| Coefficients { b, ..Coefficients::default() });
+        problem(&cells.collect::<Vec<_>>())
+    };
+    // Few cells may hold most of the noise. The rest must gain as well.
+    let judges = [of_paths(&noise), of_paths(&without_largest(noise.clone()))];
+    let judged = |neighborhood| {
+        let around = mean_of_neighbors(&noise, size, neighborhood);
+        let best = of_paths(&around).shortest_per_pixel(NEAR_OPTIMUM);
+        let share = |own: &Problem| {
+            let equal = own.evaluate_uniform(uniform.light_paths, uniform.camera_paths).cost;
+            own.evaluate(best.light_paths, best.camera_paths.clone()).cost / equal
+        };
+        let share = judges.iter().map(share).fold(0.0, f64::max);
+        PerPixel { cost: uniform.cost * share, ..best }
+    };
+    let all = NEIGHBORHOODS.map(judged).into_iter();
+    all.min_by(|one, other| one.cost.total_cmp(&other.cost))
+}
+
+/// Mean of the values within so many rows and columns of each, without the value itself.
+fn mean_of_neighbors(values: &[f64], (width, height): (u32, u32), within: usize) -> Vec<f64> {
+    let [width, height] = [width, height].map(|side| side as usize);
+    // Sums of all values above and to the left.
+    let mut sums = vec![0.0; (width + 1) * (height + 1)];
+    for (row, values) in values.chunks(width).enumerate() {
+        let mut sum = 0.0;
+        for (column, value) in values.iter().enumerate() {
+            sum += value;
+            sums[(row + 1) * (width + 1) + column + 1] = sums[row * (width + 1) + column + 1] + sum;
+        }
+    }
+    let around = |at: usize, end: usize| [at.saturating_sub(within), (at + within + 1).min(end)];
+    let mean = |(index, own): (usize, &f64)| {
+        let [left, right] = around(index % width, width);
+        let [top, bottom] = around(index / width, height);
+        let above = |row: usize| sums[row * (width + 1) + right] - sums[row * (width + 1) + left];
+        let others = (right - left) * (bottom - top) - 1;
+        // Rounding may leave less than nothing.
+        let sum = (above(bottom) - above(top) - own).max(0.0);
+        if others > 0 { sum / others as f64 } else { *own }
+    };
+    values.iter().enumerate().map(mean).collect()
+}
+
+/// The values without the largest thousandth, which becomes 0.
+fn without_largest(mut values: Vec<f64>) -> Vec<f64> {
+    let left_out = values.len() / 1000;
+    if left_out > 0 {
+        let mut sorted = values.clone();
+        let (.., bound, _) = sorted.select_nth_unstable_by(values.len() - left_out, f64::total_cmp);
+        let bound = *bound;
+        values.iter_mut().filter(|value| **value >= bound).for_each(|value| *value = 0.0);
+    }
+    values
+}
+
 /// Coefficients for the allocation of camera paths, at least 0. With few measurements, a cell has
 /// those of its 5 by 5 neighborhood. With more, the weight of its own coefficients increases.
 fn smoothed(blocks: &[Block], measured: &[Coefficients], grid: CellGrid) -> Vec<Coefficients> {
@@ -298,6 +389,70 @@ fn smoothed(blocks: &[Block], measured: &[Coefficients], grid: CellGrid) -> Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bdpm_core::base::rng::{Stream, StreamKey};
+
+    /// Counts by neighbors over equal counts, for these variances of a path in 60 by 40 pixels.
+    fn share_of_cost(noise: Vec<f64>) -> f64 {
+        let time = TimeModel {
+            fixed: 0.0,
+            light_path: 0.0,
+            camera_path: 1e-6,
+            look_up: 0.0,
+            merge_pair: 0.0,
+            pixels: 2400.0,
+        };
+        let luminance = [1.0; 2400];
+        let bounds = CountLimits {
+            light_paths: 2..=2,
+            camera_paths: 1..=MAX_CAMERA_PATHS,
+            iteration_time: 0.1,
+        };
+        let problem = |cells: &[Coefficients]| {
+            Problem::new(cells, &luminance, Objective::Relative, time, &bounds)
+        };
+        let mean = noise.iter().sum::<f64>() / 2400.0;
+        let mean = [Coefficients { b: mean, ..Coefficients::default() }; 2400];
+        let uniform = problem(&mean).shortest_uniform(NEAR_OPTIMUM);
+        by_neighbors(noise, (60, 40), problem, &uniform).unwrap().cost / uniform.cost
+    }
+
+    #[test]
+    fn counts_of_path_tracing_follow_noise_that_lasts_and_no_bright_paths() {
+        let mut rng = StreamKey::new(3, Stream::Test, 0).rng(0);
+        // The variances that a few paths show: most of them are those of one pixel in 10.
+        let mut shown = |mean: f64| {
+            let rare = if rng.next_1d() < 0.1 { 9.0 } else { 0.1 };
+            let tail = -f64::from(rng.next_1d().max(1e-6)).ln();
+            mean * rare * tail
+        };
+        // Nothing can be gained where all pixels are alike.
+        let alike = share_of_cost((0..2400).map(|_| shown(1.0)).collect());
+        assert!(alike > 0.95, "{alike}");
+        // A tenth of the image is as noisy as all else together: half of the paths are for it.
+        let noisy = |pixel: u32| if pixel % 60 < 6 { 25.0 } else { 1.0 };
+        let apart = share_of_cost((0..2400).map(|pixel| shown(noisy(pixel))).collect());
+        // (.1 * 5 + .9)^2 / (.1 * 25 + .9) = .58 with counts of the true variances.
+        assert!((0.55..0.8).contains(&apart), "{apart}");
+    }
+
+    #[test]
+    fn neighbors_are_the_square_around_a_pixel_without_it() {
+        let values: Vec<f64> = (0..35).map(|i| f64::from(i * i % 11)).collect();
+        for within in [1, 2, 9] {
+            let found = mean_of_neighbors(&values, (7, 5), within as usize);
+            for (index, found) in (0..35i32).zip(found) {
+                let is_near = |other: &i32| {
+                    let [dx, dy] = [other % 7 - index % 7, other / 7 - index / 7];
+                    *other != index && dx.abs() <= within && dy.abs() <= within
+                };
+                let near: Vec<f64> =
+                    (0..35).filter(is_near).map(|at| values[at as usize]).collect();
+                let expected = near.iter().sum::<f64>() / near.len() as f64;
+                assert!((found - expected).abs() < 1e-12, "{index} {within}");
+            }
+        }
+        assert_eq!(mean_of_neighbors(&[3.0], (1, 1), 2), [3.0]);
+    }
 
     #[test]
     fn few_iterations_of_a_large_image_fill_the_time() {
