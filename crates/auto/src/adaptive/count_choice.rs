@@ -299,15 +299,15 @@ pub fn fitted_times(pilot_times: &TimeModel, blocks: &[Block]) -> TimeModel {
     pilot_times.scaled(scale)
 }
 
-/// Sides of the squares of neighbors are twice these numbers and one: few neighbors show where noise
-/// is, many show less of their own noise. The best one is taken.
+/// Sides of the squares of neighbors are twice these numbers and one: few neighbors show where
+/// noise is, many show less of their own noise. The best one is taken.
 const NEIGHBORHOODS: [usize; 3] = [2, 5, 12];
 
-/// Counts of path tracing in each cell by the noise of the cells around it alone, with their cost by
-/// the noise of the cell itself. Counts that followed the noise of their own cell would follow its
-/// few bright paths: in five of six interiors equal counts had .64 to .99 times the squared error
-/// (docs/measurements/interiors.md). Paths of different pixels are independent, so this cost has no
-/// bias. theory.md (87a)
+/// Counts of path tracing in each cell by the noise of the cells around it alone, with their cost
+/// by the noise of the cell itself. Counts that followed the noise of their own cell would follow
+/// its few bright paths: in five of six interiors equal counts had .64 to .99 times the squared
+/// error (docs/measurements/interiors.md). Paths of different pixels are independent, so this cost
+/// has no bias. theory.md (87a)
 fn by_neighbors(
     noise: Vec<f64>,
     size: (u32, u32),
