@@ -20,7 +20,8 @@ archive_hint="Download Intel's Open Image Denoise 2 release archive for your sys
 folder that has lib in it."
 
 if [ -n "${OIDN_DIR:-}" ]; then
-    ls "$OIDN_DIR"/{lib,lib64,bin,.}/*OpenImageDenoise* >/dev/null 2>&1 ||
+    # A library in one of these folders is enough.
+    [ -n "$(ls "$OIDN_DIR"/{lib,lib64,bin,.}/*OpenImageDenoise* 2>/dev/null)" ] ||
         die "OIDN_DIR is $OIDN_DIR, but it has no lib/libOpenImageDenoise.so.2"
     exit 0
 fi
