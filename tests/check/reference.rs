@@ -18,5 +18,5 @@ fn a_ball_of_each_material_under_a_panel() {
 
 #[test]
 fn pictures_of_everything_in_a_box() {
-    assert_same("pictures", &[(Connect, 1), (PhotonMap, 1)]);
+    assert_same("pictures", &[(Connect, MIS), (Connect, 2), (Connect, 1), (PhotonMap, 1)]);
 }

@@ -104,6 +104,12 @@ impl Material {
         own.flatten().chain(normals)
     }
 
+    /// Returns true if the surface may have a lobe that is [`Lobe::Rough`](super::bsdf::Lobe::Rough)
+    /// somewhere: a texture of its roughness makes any.
+    pub(super) fn may_be_rough(&self) -> bool {
+        self.bsdf.has_rough() || self.metallic_roughness_texture.is_some()
+    }
+
     /// Returns true if merges may need the direction of photons: for BSDFs that vary with it, or
     /// normals that differ from the triangle's.
     pub(super) fn merges_by_direction(&self) -> bool {

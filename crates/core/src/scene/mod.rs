@@ -298,9 +298,9 @@ impl Scene {
         &self.materials
     }
 
-    /// Returns true if any material has a lobe that is [`Lobe::Rough`](bsdf::Lobe::Rough).
+    /// Returns true if any surface may have a lobe that is [`Lobe::Rough`](bsdf::Lobe::Rough).
     pub fn has_rough_materials(&self) -> bool {
-        self.materials.iter().any(|material| material.bsdf.has_rough())
+        self.materials.iter().any(Material::may_be_rough)
     }
 
     /// All lights, emissive triangles among them.

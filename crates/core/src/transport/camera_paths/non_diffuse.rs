@@ -150,7 +150,9 @@ impl CameraPaths {
             let diffuse = surface.bsdf.merges() && pass.connects();
             // Without MIS, photons contribute light of rough lobes after a diffuse vertex.
             let is_sampled = self.mis.is_some() || state.history.diffuse() == 0;
-            let connected = Connected { diffuse, rough: surface.bsdf.has_rough() && is_sampled };
+            let rough = surface.bsdf.has_rough() && is_sampled;
+            debug_assert!(!rough || self.hit_weights.is_some(), "lights are hit as well");
+            let connected = Connected { diffuse, rough };
             if connected != Connected::default() {
                 receivers[count] = surface.receiver();
                 rngs[count] = state.rng;
