@@ -104,8 +104,8 @@ impl Material {
         own.flatten().chain(normals)
     }
 
-    /// Returns true if the surface may have a lobe that is [`Lobe::Rough`](super::bsdf::Lobe::Rough)
-    /// somewhere: a texture of its roughness makes any.
+    /// Returns true if the surface may have a lobe that is
+    /// [`Lobe::Rough`](super::bsdf::Lobe::Rough) somewhere: a texture of its roughness makes any.
     pub(super) fn may_be_rough(&self) -> bool {
         self.bsdf.has_rough() || self.metallic_roughness_texture.is_some()
     }
