@@ -220,13 +220,15 @@ fn missing_denoiser_is_reported_before_rendering() {
 #[test]
 fn a_target_is_about_the_denoised_image() {
     let (_folder, at) = folder();
-    let goal = ["--target-error", "25%", "--denoise"];
+    // On a busy machine the raw image reaches 25 % in a few iterations: too few for the folds that
+    // tell the error of the denoised one.
+    let goal = ["--target-error", "6%", "--denoise"];
     let mut command =
         run(&["render", SCENE, "--accel", "bvh", "--json", "--quiet", "--resolution", "40x30"]);
     let report = json(&command.arg("--output").arg(at("a.exr")).args(goal).output().unwrap());
     assert_eq!(report["stopped_by"], "target", "{report}");
     let error = |of: &Value| of.as_f64().unwrap();
-    assert!(error(&report["denoised"]["total_error"]) < 0.25, "{report}");
+    assert!(error(&report["denoised"]["total_error"]) < 0.06, "{report}");
     assert!(error(&report["denoised"]["relative_error"]) > 0.0, "{report}");
 }
 
