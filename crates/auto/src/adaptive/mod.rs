@@ -5,6 +5,7 @@ mod count_choice;
 pub mod count_policy;
 pub mod denoised_noise;
 pub mod error_interval;
+mod neighbor_counts;
 pub mod optimize;
 pub mod plan;
 pub mod stopping;

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 
 /// Penalty on the squared error of techniques that merge: near ties go to path tracing, which has
 /// no bias and no photons that a whole image shares. Short trials see too few of the photons that
-/// make most of the noise: in five of six interiors the squared error of `mis` was 1.4 to 3.6 times
-/// that of `path`, and in `dining-room` that of `single` was 2 times, where trials had predicted
-/// less (docs/measurements/interiors.md).
+/// make most of the noise, and predict less of it. In five of six interiors the squared error of
+/// `mis` was 1.4 to 3.6 times that of `path`. In `dining-room` that of `single` was twice as large
+/// (docs/measurements/interiors.md).
 const MERGING_PENALTY: f64 = 4.0;
 
 /// Further penalty where an image is denoised and pixels share the photons. Short trials see few

@@ -62,11 +62,11 @@ impl Mis {
         settings.strategy.is_weighted().then(|| Self::with(Balance::new(settings), settings))
     }
 
-    /// The constants for what camera paths sample before their first diffuse vertex: light that
-    /// they hit, and connections from rough lobes. No photon has a part in these paths, so that
-    /// they have the same weights with all strategies.
+    /// The constants without merges, for what camera paths of strategies without weights sample
+    /// before their first diffuse vertex: light that they hit, and connections from rough lobes.
+    /// No photon has a part in these paths, so that they have the same weights with all strategies.
     pub fn before_diffuse(settings: &Settings) -> Self {
-        Self::new(settings).unwrap_or_else(|| Self::with(Balance::WITHOUT_MERGES, settings))
+        Self::with(Balance::WITHOUT_MERGES, settings)
     }
 
     fn with(balance: Balance, settings: &Settings) -> Self {
