@@ -24,7 +24,7 @@ from pathlib import Path
 from meter_situations import SITUATIONS
 
 ROOT = Path(__file__).resolve().parent.parent
-FOLDER = ROOT / "target/measured/meter-intervals"
+FOLDER = Path(os.environ.get("MEASURED", ROOT / "target/measured")) / "meter-intervals"
 PROGRAM = os.environ.get("BDPM", ROOT / "target/release/bdpm")
 # lm/W, docs/reference/scene-format.md#units
 LUMENS = 683.0
