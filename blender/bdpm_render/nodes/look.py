@@ -1,6 +1,6 @@
 """What a shader is to bdpm: one of its kinds of surfaces, with what it is made of."""
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,8 @@ class Look:
     # glass, sheet (reflects and transmits diffusely), or clear (nothing but a tint)
     kind: str = "diffuse"
     color: object = None
+    # The others have names wherever a surface is made, so that a new one cannot take the place of another.
+    _: KW_ONLY
     # Color of the diffuse light that a sheet transmits; `color` is that of the light it reflects.
     transmitted: object = None
     roughness: object = 0.5

@@ -100,8 +100,8 @@ class Shaders:
         return Look(
             "gloss",
             self._color(source, "Color"),
-            np.float64(0) if smooth else roughness,
-            np.float64(1),
+            roughness=np.float64(0) if smooth else roughness,
+            metallic=np.float64(1),
             once=once,
             **self._normal(source),
         )
@@ -117,7 +117,7 @@ class Shaders:
             self._remark(source.node, "its color tints light that passes, not what it reflects")
         once = source.node.distribution != "MULTI_GGX"
         self._note_lost(source.node, roughness, once)
-        return Look("glass", color, np.float64(roughness), ior=ior, once=once, **self._normal(source))
+        return Look("glass", color, roughness=np.float64(roughness), ior=ior, once=once, **self._normal(source))
 
     def _note_lost(self, node, roughness, once):
         if roughness > LOSSLESS and not once:
@@ -232,7 +232,7 @@ class Shaders:
             if self._constant(source, "Transmission Roughness"):
                 self._remark(node, "Transmission Roughness is ignored")
             self._note_lost(node, rough, once)
-            return Look("glass", tint, np.float64(rough), ior=ior, once=once, **normal)
+            return Look("glass", tint, roughness=np.float64(rough), ior=ior, once=once, **normal)
         coat = self._constant(source, "Clearcoat", "Coat Weight")
         coat_roughness = self._constant(source, "Clearcoat Roughness", "Coat Roughness")
         if coat > 0:
@@ -240,10 +240,12 @@ class Shaders:
                 # Facets of the coat, which keep the energy as the layers of Cycles do: cycles.md has the errors.
                 self._remark(node, "a coat: took a full coat over a diffuse base")
                 coat_ior = self._constant(source, "Coat IOR", default=1.5)
-                return Look("principled", color, np.float64(coat_roughness), ior=coat_ior, once=once, **normal)
+                return Look(
+                    "principled", color, roughness=np.float64(coat_roughness), ior=coat_ior, once=once, **normal
+                )
             self._remark(node, "a thin coat, or one on metal, is ignored")
         ior = self._specular_ior(source, ior, is_new)
-        return Look("principled", color, roughness, metallic, ior=ior, once=once, **normal)
+        return Look("principled", color, roughness=roughness, metallic=metallic, ior=ior, once=once, **normal)
 
     def _specular_ior(self, source, ior, is_new):
         """The refractive index that reflects as much at normal incidence."""
