@@ -175,7 +175,8 @@ fn strip(output: &str, inputs: &[String]) -> Result<()> {
     let mut pictures = Vec::new();
     for two in inputs.chunks(2) {
         let (mut layer, path) = two[0].split_once('@').unwrap_or(("", &two[0]));
-        let mut one = if path.ends_with(".exr") {
+        let is_exr = path.ends_with(".exr");
+        let mut one = if is_exr {
             let image = read_exr(Path::new(path))?;
             if layer == "result" {
                 layer = image.layer("denoised").map_or("", |_| "denoised");
@@ -187,7 +188,10 @@ fn strip(output: &str, inputs: &[String]) -> Result<()> {
             image::open(path)?.to_rgb8()
         };
         match two.get(1).map(String::as_str) {
-            None | Some("") if inputs.len() > 2 => return Err("label each image of a strip".into()),
+            // PNG files may have captions of their own.
+            None | Some("") if is_exr && inputs.len() > 2 => {
+                return Err("label each image of a strip".into());
+            }
             None | Some("") => {}
             Some(text) => label(&mut one, &label_text(text, layer == "denoised")?)?,
         }

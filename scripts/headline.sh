@@ -25,7 +25,7 @@ point-caustic  15  predictions.md
 intervals      60  predictions.md
 meters         60  meter-intervals.md
 radiance       25  radiance.md             RADIANCE_VENV
-guides          3  guides.md
+guides          4  guides.md
 regret         60  regret.md"
 
 if [ "${1:-}" = list ]; then
@@ -116,9 +116,10 @@ run() {
         intervals) for_scenes intervals intervals ;;
         meters) once meters python3 scripts/meter_intervals.py coverage 200 1 ;;
         radiance) once radiance "$RADIANCE_VENV/bin/python" scripts/radiance_rooms.py ;;
-        guides) once guides guides ;;
+        guides) once guides python3 scripts/guides_table.py ;;
         regret) for_scenes regret regret ;;
     esac
+    wait
 }
 
 # Runs COMMAND... SCENE for the scenes of the tables, two at a time. References of rooms are path traced.
@@ -140,18 +141,6 @@ for_scenes() {
 # Renders on one thread.
 intervals() { RAYON_NUM_THREADS=1 "$folder/examples/error_intervals" 96 3,8,20 3 "$1"; }
 regret() { RAYON_NUM_THREADS=1 "$folder/examples/regret" "$1" 128 20; }
-
-# Pooled noise due to light paths without and with a guide, and the true errors at equal time.
-guides() {
-    local scene guide
-    for scene in daylight point-caustic caustic-sphere cornell-box-classic materials keyhole hall; do
-        for guide in 0 32; do
-            echo "$scene, --guide $guide:"
-            "$BDPM" analyze "scenes/$scene" --resolution 128x128 --light-paths 50000 --camera-paths 2 --iterations 32 \
-                --merge-vertex 1 --guide "$guide" --quiet --json --output "$folder/noise.exr"
-        done
-    done
-}
 
 if [ $# -eq 0 ]; then
     while read -r step _ _ inputs; do

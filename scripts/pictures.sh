@@ -3,15 +3,16 @@
 # pictures of the documentation come from. Labels in the pictures have program, time and error. A line for each render
 # on stdout has its commit, command, time and errors.
 #
-#   scripts/pictures.sh            all of them: about two hours on two cores; `classroom` with PUBLIC_SCENES
+#   scripts/pictures.sh            all of them: about two hours on two cores; `classroom` and `room-mitsuba` with PUBLIC_SCENES
 #   scripts/pictures.sh NAME...    only these; each takes at most 15 minutes
 #
 # Set SECONDS_EACH=5 for a quick trial: then no render takes longer than that. OUT=FOLDER writes to another
 # folder. BDPM and PICTURE name programs that are built already. PUBLIC_SCENES is a folder of Benedikt Bitterli's scenes
-# in Mitsuba's format, for the picture `classroom`. Denoised pictures want `make denoiser`.
+# in Mitsuba's format. Denoised pictures want `make denoiser`.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
+repository=$PWD
 out=${OUT:-docs/pictures}
 work=${CARGO_TARGET_DIR:-target}/pictures
 built=${CARGO_TARGET_DIR:-target}/release
@@ -22,6 +23,8 @@ if [ -z "${BDPM:-}" ] || [ -z "${PICTURE:-}" ]; then
     cargo build --locked --release --bin bdpm --example picture
 fi
 
+# Some programs run in the folder of the pictures.
+work=$(realpath "$work") out=$(realpath "$out") bdpm=$(realpath "$bdpm") picture=$(realpath "$picture")
 commit=$(git describe --always --dirty --exclude '*' 2>/dev/null || echo unknown)
 
 # The seconds of a render, at most those of a trial.
@@ -45,6 +48,7 @@ render() {
 # A scene as the documentation names it: public scenes by their path in their folder.
 shown() {
     case $1 in
+        "$work"/*) basename "$1" ;;
         /*) realpath --relative-to "$PUBLIC_SCENES" "$1" ;;
         *) echo "$1" ;;
     esac
@@ -71,6 +75,41 @@ public() {
         return 1
     fi
     realpath "$PUBLIC_SCENES/$1"
+}
+
+# Writes the scene of a how-to to $work, by the first block of commands of its page that makes FILE.
+#   of_page PAGE [FILE]
+of_page() {
+    local block
+    block=$(awk -v file="${2:-room.toml}" '
+        /^```sh$/ { inside = 1; text = ""; next }
+        /^```$/ { if (inside && index(text, "cat > " file)) { printf "%s", text; exit } inside = 0 }
+        inside && !/^bdpm / { text = text $0 "\n" }' "$1")
+    (cd "$work" && bash -euc "$block")
+}
+
+# A scene of the upper half of the sky over a field, by one of its models.
+open_field() {
+    cat <<'END'
+[camera]
+type = "fisheye"
+projection = "equidistant"
+fov_deg = 180
+position = [0, 1, 0]
+target = [0, 2, 0]
+up = [0, 0, -1]
+
+[[mesh]]
+file = "field.obj"
+END
+    printf 'v -50 0 -50\nv -50 0 50\nv 50 0 50\nv 50 0 -50\nf 1 2 3 4\n' >"$work/field.obj"
+    echo "[sky]"
+    case $1 in
+        cie) echo 'model = "cie"'; echo "cie_type = 1"; echo "diffuse_lx = 10000" ;;
+        perez) echo 'model = "perez"'; echo "direct = 300"; echo "diffuse = 250" ;;
+        *) echo 'model = "hosek-wilkie"' ;;
+    esac
+    [ "$1" = cie ] || printf 'latitude = 48.1\nlongitude = 11.6\ndate = [2026, 6, 21]\nhour = 16\ntimezone = 2\n'
 }
 
 # Relative RMSE of an image to a reference in percent.
@@ -112,7 +151,7 @@ make_picture() {
         materials) single materials materials 400 --resolution 1440x810 ;;
         caustic-sphere) single caustic-sphere caustic-sphere 300 --resolution 800x800 ;;
         smoke) denoised smoke smoke 200 --resolution 512x512 ;;
-        prism) denoised prism prism 240 --resolution 1600x1200 --caustic-radius 0.005 ;;
+        prism) denoised prism prism 480 --resolution 1600x1200 --caustic-radius 0.01 ;;
         diamond-ring) denoised diamond-ring diamond-ring 300 --resolution 1600x1200 --strategy mis ;;
         cornell-box) single cornell-box cornell-box 60 --resolution 512x512 ;;
         # Equal time against path tracing; a path tracer cannot sample the lights of point-caustic at all.
@@ -160,6 +199,58 @@ make_picture() {
             )
             "$picture" strip "$out/report.jpg" "$work/report.png" ""
             ;;
+        office)
+            # The room, and lux on the plane of its desks.
+            render office office 60 --denoise --resolution 640x480
+            (cd "$work" && "$bdpm" measure "$repository/scenes/office" --time "$(bounded 60)s" --quiet --maps maps >/dev/null)
+            "$picture" strip "$out/office.jpg" "result@$work/office.exr" "bdpm@$work/office.json" \
+                "$work/maps/working-plane.png" ""
+            ;;
+        sky)
+            # What lies above an open field at 16:00 of a day in June: three models of the sky.
+            local model inputs=()
+            for model in hosek-wilkie perez cie; do
+                open_field "$model" >"$work/sky-$model.toml"
+                render "sky-$model" "$work/sky-$model.toml" 10 --denoise --resolution 400x400
+                inputs+=("result@$work/sky-$model.exr" "$model")
+            done
+            "$picture" strip "$out/sky.jpg" "${inputs[@]}"
+            ;;
+        glare)
+            # The eye of the how-to about daylight, and what dazzles it.
+            of_page docs/how-to/daylight.md
+            render eye "$work/room.toml" 60 --denoise --resolution 600x600
+            "$bdpm" glare "$work/eye.exr" --picture "$work/eye-sources.png" >/dev/null
+            "$picture" strip "$out/glare.jpg" "result@$work/eye.exr" "bdpm@$work/eye.json" "$work/eye-sources.png" ""
+            ;;
+        goniometer)
+            # The downlight of the how-to about luminaires.
+            of_page docs/how-to/luminaires.md downlight.toml
+            (cd "$work" && "$bdpm" goniometer downlight.toml --time "$(bounded 20)s" --quiet --plot downlight.svg >/dev/null)
+            cp "$work/downlight.svg" "$out/goniometer.svg"
+            echo "goniometer: commit $commit, bdpm goniometer downlight.toml --time $(bounded 20)s"
+            ;;
+        drinks)
+            local scene inputs=()
+            for scene in wine milk fog; do
+                render "drinks-$scene" "media/$scene.xml" 90 --denoise --resolution 400x400
+                inputs+=("result@$work/drinks-$scene.exr" "$scene@$work/drinks-$scene.json")
+            done
+            "$picture" strip "$out/drinks.jpg" "${inputs[@]}"
+            ;;
+        room-mitsuba) # wants Mitsuba, PUBLIC_SCENES/living-room/room.xml and its reference by interiors.py --width 320
+            local room row theirs ours seconds
+            room=$(public living-room/room.xml)
+            seconds=$(bounded 60)
+            mkdir -p "$work/finished"
+            row=$("${MITSUBA_VENV:-target/mitsuba}/bin/python" scripts/finished_pictures.py --bdpm "$bdpm" --width 640 \
+                --times "$seconds" --keep "$work/finished" "$room" | tail -1)
+            read -r theirs ours < <(awk -F '|' '{ printf "%.1f %.1f", 100 * $5, 100 * $6 }' <<<"$row")
+            "$picture" strip "$out/room-mitsuba.jpg" \
+                "result@$work/finished/living-room-640-$seconds-0.exr" "bdpm, $seconds s, denoised: error $ours %" \
+                "$work/finished/living-room-640-$seconds-0-mitsuba.exr" "Mitsuba, $seconds s, denoised: error $theirs %"
+            echo "room-mitsuba: commit $commit, finished_pictures.py: $row"
+            ;;
         volume-caustics) # wants Mitsuba, which scripts/mitsuba-check.sh installs
             local scene name reference error inputs seconds
             seconds=$(bounded 30)
@@ -181,9 +272,9 @@ make_picture() {
 
 all=(point-caustic hall objective daylight materials caustic-sphere smoke prism diamond-ring cornell-box
     equal-time-caustic equal-time-keyhole equal-time-daylight error-maps guides caustic-radii denoising report
-    volume-caustics)
-# Its scene is not in the repository.
-[ -z "${PUBLIC_SCENES:-}" ] || all+=(classroom)
+    volume-caustics office sky glare goniometer drinks)
+# Their scenes are not in the repository.
+[ -z "${PUBLIC_SCENES:-}" ] || all+=(classroom room-mitsuba)
 [ $# -gt 0 ] || set -- "${all[@]}"
 for name; do
     echo "pictures: $name" >&2

@@ -87,6 +87,8 @@ fn main() {
 
     let lib = install.lib.display();
     println!("cargo::rerun-if-changed={lib}");
+    // For programs that `cargo install` copies away from the library.
+    println!("cargo::rustc-env=EMBREE4_SYS_LIB={lib}");
     if env::var_os("CARGO_FEATURE_LINK").is_none() {
         if !install.is_default {
             link_beside_programs(&install.lib);

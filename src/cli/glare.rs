@@ -1,6 +1,7 @@
 //! `bdpm glare IMAGE`, or of a scene: [`room_glare`].
 
-use super::{json, room_glare};
+use super::outputs::{self, Output};
+use super::{glare_picture, json, room_glare};
 use bdpm::base::error::{Error, Result};
 use bdpm::base::math::Rgb;
 use bdpm::image_io::Metadata;
@@ -39,6 +40,9 @@ pub struct Args {
     /// Take this many lumens for a watt of luminance 1: 179 for images of Radiance
     #[arg(long, value_name = "LM/W", default_value_t = 683.0)]
     efficacy: f64,
+    /// Write the view with each source in a color, and the rating below it
+    #[arg(long, value_name = "OUT.png")]
+    picture: Option<PathBuf>,
     /// Print the result as one JSON object on stdout
     #[arg(long)]
     json: bool,
@@ -84,9 +88,16 @@ pub fn run(args: &Args) -> Result<String> {
             let problem = format!("{}: one scene is rated at a time", other.display());
             return Err(Error::new(problem, "give one scene, or images of one view"));
         }
+        if let Some(picture) = &args.picture {
+            let problem = format!("{}: a scene is rated without an image", picture.display());
+            return Err(Error::new(problem, "render a fisheye image, and give that"));
+        }
         return room_glare::run(&args.image, &args.room, args.json);
     }
     args.room.require_none()?;
+    let picture = args.picture.as_deref();
+    let output = picture.map(|path| Output::new("--picture", path, Some("png")));
+    outputs::check(output.as_slice())?;
     let in_range = |value: f64, from: f64, to: f64| value > from && value <= to;
     if let Some(fov) = args.fov.filter(|fov| !in_range(*fov, 0.0, 360.0)) {
         let problem = format!("the field of view is {fov} degrees");
@@ -106,6 +117,10 @@ pub fn run(args: &Args) -> Result<String> {
     let search =
         SourceSearch { threshold: args.threshold, peak: args.peak, angle: args.search_angle };
     let glare = Glare::new(&rated.image, &search);
+    if let Some(path) = picture {
+        outputs::spare_inputs(output.as_slice())?;
+        glare_picture::write(path, rated.size, &rated.pixels, &glare)?;
+    }
     if args.json {
         let images: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
         return Ok(json(&GlareReport {
@@ -123,6 +138,9 @@ pub fn run(args: &Args) -> Result<String> {
 
 /// The image that is rated, which may be the mean of several.
 struct RatedImages {
+    size: (u32, u32),
+    /// W/(m^2 sr).
+    pixels: Vec<Rgb>,
     image: LuminanceImage,
     /// Why there are no uncertainties, if there are none.
     without_uncertainty: Option<&'static str>,
@@ -167,7 +185,14 @@ impl RatedImages {
             }
         };
         let notes = if without_uncertainty.is_none() { bias_note(&all) } else { None };
-        Ok(Self { image, without_uncertainty, notes: notes.into_iter().collect() })
+        let mean = |index| all.iter().map(|own| own.pixels[index]).sum::<Rgb>() / all.len() as f32;
+        Ok(Self {
+            size: all[0].size,
+            pixels: (0..all[0].pixels.len()).map(mean).collect(),
+            image,
+            without_uncertainty,
+            notes: notes.into_iter().collect(),
+        })
     }
 }
 

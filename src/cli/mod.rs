@@ -12,6 +12,7 @@ mod built_in_scene;
 mod denoise;
 mod dry_run;
 mod glare;
+mod glare_picture;
 mod goniometer;
 mod image_file_args;
 mod image_info;

@@ -360,7 +360,7 @@ fn write_luminance(path: &Path, (width, height): (u32, u32), pixels: &[Rgb]) -> 
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     let captions = [format!("Luminance, mean {} cd/m²", image_io::number(mean))];
     let scale = ColorScale::logarithmic(grid);
-    FalseColorMap { grid, scale, unit: "cd/m²", captions: &captions }.write_png(path)
+    FalseColorMap { grid, scale, unit: "cd/m²", captions: &captions, cell: None }.write_png(path)
 }
 
 /// Time of a file of `height` lines, from the time of one of `rows` lines. A time `fixed` for

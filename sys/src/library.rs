@@ -18,6 +18,9 @@ const NAMES: &[&str] = if cfg!(windows) {
     &["libembree4.so.4", "libembree4.so"]
 };
 
+/// Folder of the library that this crate was built with, absolute.
+const BUILT_WITH: Option<&str> = option_env!("EMBREE4_SYS_LIB");
+
 /// Folder of an Embree in a checkout, which `make setup` installs.
 const CHECKOUT_PREFIX: &str = ".embree";
 
@@ -44,8 +47,8 @@ impl std::error::Error for LoadError {}
 static FUNCTIONS: OnceLock<Result<Functions, LoadError>> = OnceLock::new();
 
 /// Loads the library, if that was not done before: from `EMBREE_DIR`, if that is set; beside the
-/// executable or one of its folders, with `.embree` and `lib` below them; or where the system finds
-/// it.
+/// executable or one of its folders, with `.embree` and `lib` below them; where the system finds
+/// it; or where it was when this crate was built.
 ///
 /// # Errors
 /// If there is none, or it lacks functions of the header.
@@ -79,7 +82,10 @@ fn find_and_load() -> Result<Functions, LoadError> {
     match file.map(|file| file.canonicalize().unwrap_or(file)) {
         Some(file) => load_from(&file).map_err(|problem| LoadError { problem, file: Some(file) }),
         None => {
-            let mut all = NAMES.iter().map(|name| load_from(Path::new(name)));
+            let of_system = NAMES.iter().map(PathBuf::from);
+            let built_with =
+                NAMES.iter().filter_map(|name| Some(Path::new(BUILT_WITH?).join(name)));
+            let mut all = of_system.chain(built_with).map(|file| load_from(&file));
             let first = all.next().expect("there is a name");
             first.or_else(|problem| {
                 all.find_map(Result::ok).ok_or(LoadError { problem, file: None })

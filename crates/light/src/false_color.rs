@@ -12,6 +12,8 @@ const SIDE: u32 = 512;
 const MARGIN: u32 = 12;
 /// Breadth of the legend's bar, pixels.
 const BAR: u32 = 20;
+/// Characters of the numbers beside a vertical axis.
+const AXIS_CHARACTERS: u32 = 6;
 /// Color of cells without a number.
 const MISSING: [u8; 3] = [128; 3];
 /// Share of the positive values that a range covers on either side.
@@ -142,6 +144,9 @@ pub struct FalseColorMap<'a> {
     pub unit: &'a str,
     /// Lines below the map.
     pub captions: &'a [String],
+    /// Size of a cell across and down, meters: the map has these proportions and axes from its
+    /// corner. Without it cells are square.
+    pub cell: Option<[f64; 2]>,
 }
 
 impl FalseColorMap<'_> {
@@ -153,42 +158,94 @@ impl FalseColorMap<'_> {
         self.canvas().write_png(path)
     }
 
+    /// Pixels of a cell across and down.
+    fn magnification(&self) -> [u32; 2] {
+        let size = self.grid.size();
+        let cell = self.cell.unwrap_or([1.0; 2]);
+        let side = |axis: usize| f64::from(size[axis]) * cell[axis];
+        let scale = f64::from(SIDE) / side(0).max(side(1));
+        let rounded = cell.map(|own| (scale * own).round().max(1.0) as u32);
+        // Square cells stay so.
+        if cell[0] == cell[1] { [SIDE.div_ceil(size[0].max(size[1])).max(1); 2] } else { rounded }
+    }
+
     fn canvas(&self) -> Canvas {
-        let Self { grid, scale, unit, captions } = self;
+        let Self { grid, scale, unit, captions, cell } = self;
         let [columns, rows] = grid.size();
-        let magnification = SIDE.div_ceil(columns.max(rows)).max(1);
-        let [width, height] = [columns * magnification, rows * magnification];
+        let [across, down] = self.magnification();
+        let [width, height] = [columns * across, rows * down];
         let plot_height = height.max(12 * Canvas::LINE);
         let labels = 12 * Canvas::CHARACTER;
+        // Room for the numbers of the axes
+        let [beside_axis, below_axis] = match cell {
+            Some(_) => [AXIS_CHARACTERS * Canvas::CHARACTER, Canvas::LINE],
+            None => [0; 2],
+        };
+        let corner = (MARGIN + beside_axis, MARGIN + Canvas::LINE);
         let text = captions.iter().map(|line| line.chars().count() as u32).max().unwrap_or(0);
         let beside = 3 * MARGIN + BAR + labels;
-        let full = (width + beside).max(text * Canvas::CHARACTER + 2 * MARGIN);
+        let full = (beside_axis + width + beside).max(text * Canvas::CHARACTER + 2 * MARGIN);
         let lines = captions.len() as u32 * Canvas::LINE;
-        let top = MARGIN + Canvas::LINE;
-        let mut canvas = Canvas::new(full, top + plot_height + 2 * MARGIN + lines, [255; 3]);
+        let below = corner.1 + plot_height.max(height + below_axis) + MARGIN;
+        let mut canvas = Canvas::new(full, below + lines + MARGIN, [255; 3]);
         for y in 0..rows {
             for x in 0..columns {
-                let place = (MARGIN + x * magnification, top + y * magnification);
+                let place = (corner.0 + x * across, corner.1 + y * down);
                 let color = color(scale.share(grid.at(x, y)));
-                canvas.fill(place, (magnification, magnification), color);
+                canvas.fill(place, (across, down), color);
             }
         }
-        let left = 2 * MARGIN + width;
+        if let Some([cell_width, cell_height]) = cell {
+            let extent = [width, height];
+            let meter = [f64::from(across) / cell_width, f64::from(down) / cell_height];
+            axes(&mut canvas, corner, extent, meter);
+        }
+        let left = corner.0 + width + MARGIN;
         canvas.text((left, MARGIN), unit);
         for y in 0..plot_height {
             let share = 1.0 - (f64::from(y) + 0.5) / f64::from(plot_height);
-            canvas.fill((left, top + y), (BAR, 1), color(share));
+            canvas.fill((left, corner.1 + y), (BAR, 1), color(share));
         }
         for value in scale.ticks() {
             let share = scale.share(value).clamp(0.0, 1.0);
-            let y = top + ((1.0 - share) * f64::from(plot_height - 1)).round() as u32;
+            let y = corner.1 + ((1.0 - share) * f64::from(plot_height - 1)).round() as u32;
             canvas.fill((left + BAR, y), (5, 1), [0; 3]);
             canvas.text((left + BAR + 9, y.saturating_sub(8)), &number(value));
         }
         for (line, caption) in (0..).zip(*captions) {
-            canvas.text((MARGIN, top + plot_height + MARGIN + line * Canvas::LINE), caption);
+            canvas.text((MARGIN, below + line * Canvas::LINE), caption);
         }
         canvas
+    }
+}
+
+/// Ticks with numbers of meters below a map and to its left, from its corner at the top left.
+/// `meter` are the pixels of a meter across and down.
+fn axes(canvas: &mut Canvas, corner: (u32, u32), extent: [u32; 2], meter: [f64; 2]) {
+    const TICK: u32 = 5;
+    let ticks = |axis: usize| {
+        let length = f64::from(extent[axis]) / meter[axis];
+        // Numbers do not touch each other.
+        let step = tick_step(length, (f64::from(extent[axis]) / 60.0).clamp(1.0, 5.0));
+        let last = (length / step + 1e-9).floor() as u32;
+        (0..=last).map(move |tick| {
+            let value = f64::from(tick) * step;
+            (value, (value * meter[axis]).round() as u32)
+        })
+    };
+    canvas.text((MARGIN, MARGIN), "m");
+    for (value, x) in ticks(0) {
+        let (label, bottom) = (number(value), corner.1 + extent[1]);
+        let half = label.chars().count() as u32 * Canvas::CHARACTER / 2;
+        canvas.fill((corner.0 + x, bottom), (1, TICK), [0; 3]);
+        canvas.text((corner.0 + x - half, bottom + TICK), &label);
+    }
+    for (value, y) in ticks(1) {
+        let label = number(value);
+        let wide = label.chars().count() as u32 * Canvas::CHARACTER;
+        let right = corner.0 - TICK - 2;
+        canvas.fill((corner.0 - TICK, corner.1 + y), (TICK, 1), [0; 3]);
+        canvas.text((right.saturating_sub(wide), (corner.1 + y).saturating_sub(8)), &label);
     }
 }
 
@@ -230,6 +287,7 @@ mod tests {
             scale: ColorScale::Linear([0.0, 100.0]),
             unit: "lx",
             captions: &["a caption".into()],
+            cell: None,
         };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("map.png");
@@ -241,5 +299,29 @@ mod tests {
         assert_eq!([cell(0, 1), cell(1, 1)], [MISSING, color(0.5)]);
         // The middle of the bar
         assert_eq!(picture.get_pixel(2 * MARGIN + 512 + 3, top + 255).0, color(0.5 + 0.5 / 512.0));
+    }
+
+    #[test]
+    fn maps_of_a_plane_have_its_proportions_and_axes_in_meters() {
+        let values = [0.0, 100.0];
+        let map = FalseColorMap {
+            grid: ValueGrid::new(2, 1, &values),
+            scale: ColorScale::Linear([0.0, 100.0]),
+            unit: "lx",
+            captions: &[],
+            // Four meters by half a meter
+            cell: Some([2.0, 0.5]),
+        };
+        assert_eq!(map.magnification(), [256, 64]);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map.png");
+        map.write_png(&path).unwrap();
+        let picture = image::open(&path).unwrap().to_rgb8();
+        let (x, y) = (MARGIN + AXIS_CHARACTERS * Canvas::CHARACTER, MARGIN + Canvas::LINE);
+        let seen = |right: u32, down: u32| picture.get_pixel(x + right, y + down).0;
+        assert_eq!([seen(9, 60), seen(265, 60)], [color(0.0), color(1.0)]);
+        // Ticks below the map at each meter, and none between
+        let is_tick = |right| seen(right, 64 + 2) == [0; 3];
+        assert_eq!([0, 64, 128, 384, 512].map(is_tick), [true, false, true, true, true]);
     }
 }

@@ -144,6 +144,9 @@ pub struct Glare {
     pub background_luminance: f64,
     /// All glare sources, the strongest first.
     pub sources: Vec<GlareSource>,
+    /// Index in `sources` of each pixel of the image, row by row; `None` for those of no source.
+    #[serde(skip)]
+    pub source_of_pixel: Vec<Option<usize>>,
 }
 
 /// Sums over the pixels of a source.
@@ -314,8 +317,8 @@ impl Glare {
             }
         }
         let edges = with_edges(image, &owner, count);
-        let is_used = |(sums, _): &(&Sums, &[f64; 2])| sums.solid_angle > 0.0;
-        let used: Vec<(&Sums, &[f64; 2])> = all.iter().zip(&edges).filter(is_used).collect();
+        // Sources that joined others have no pixels.
+        let used: Vec<usize> = (0..count).filter(|own| all[*own].solid_angle > 0.0).collect();
         let source = |sums: &Sums| GlareSource {
             luminance: sums.weight / sums.solid_angle,
             solid_angle: sums.solid_angle,
@@ -323,19 +326,26 @@ impl Glare {
             direction: sums.center().to_array(),
             illuminance: sums.illuminance,
         };
-        let mut sources: Vec<GlareSource> = used.iter().map(|(sums, _)| source(sums)).collect();
+        let mut sources: Vec<(usize, GlareSource)> =
+            used.into_iter().map(|own| (own, source(&all[own]))).collect();
         let strength = |source: &GlareSource| {
             source.luminance.powi(2) * source.solid_angle / source.position_index.powi(2)
         };
-        let sum: f64 = sources.iter().map(strength).sum();
+        let sum: f64 = sources.iter().map(|(_, source)| strength(source)).sum();
         // Squares of luminances lose the pixels that a source covers in part.
-        let whole = |(source, (_, [luminance, solid_angle])): (&GlareSource, &(_, &[f64; 2]))| {
+        let whole = |(number, source): &(usize, GlareSource)| {
+            let [luminance, solid_angle] = edges[*number];
             let own = luminance.powi(2) * solid_angle / source.position_index.powi(2);
             if own.is_finite() { own } else { strength(source) }
         };
-        let sum_of_whole: f64 = sources.iter().zip(&used).map(whole).sum();
-        sources.sort_by(|a, b| strength(b).total_cmp(&strength(a)));
-        let direct: f64 = sources.iter().map(|source| source.illuminance).sum();
+        let sum_of_whole: f64 = sources.iter().map(whole).sum();
+        sources.sort_by(|(_, a), (_, b)| strength(b).total_cmp(&strength(a)));
+        let mut rank = vec![None; count];
+        for (place, (number, _)) in sources.iter().enumerate() {
+            rank[*number] = Some(place);
+        }
+        let source_of_pixel = |index: &u32| owner.get(*index as usize)?.and_then(|own| rank[own]);
+        let direct: f64 = sources.iter().map(|(_, source)| source.illuminance).sum();
         let background = (vertical - direct).max(0.0) / PI;
         let is_rated = sum > 0.0 && background > 0.0;
         let ugr = is_rated.then(|| 8.0 * (0.25 / background * sum_of_whole).log10());
@@ -346,7 +356,8 @@ impl Glare {
             ugr,
             vertical_illuminance: vertical,
             background_luminance: background,
-            sources,
+            source_of_pixel: image.index.iter().map(source_of_pixel).collect(),
+            sources: sources.into_iter().map(|(_, source)| source).collect(),
         }
     }
 }

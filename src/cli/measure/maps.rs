@@ -9,6 +9,7 @@ use bdpm::image_io::{Image, Layer, Value, write_exr};
 use bdpm::light::false_color::{ColorScale, FalseColorMap, ValueGrid};
 use bdpm::light::isolines::isolines_svg;
 use bdpm::measurement::{Reading, SetReadings, quantity};
+use glam::DVec3;
 use std::path::{Path, PathBuf};
 
 /// Width of a cell in the drawing of isolines.
@@ -34,13 +35,36 @@ pub fn write(folder: &Path, measurement: &Measurement, attempts: &mut Attempts) 
         let grid = ValueGrid::new(set.grid[0], set.grid[1], &values);
         let scale = ColorScale::linear(grid);
         let captions = captions(set);
-        let map = FalseColorMap { grid, scale, unit: set.unit(), captions: &captions };
+        let cell = cell(set);
+        let map = FalseColorMap { grid, scale, unit: set.unit(), captions: &captions, cell };
         let svg = isolines_svg(grid, &scale.ticks(), set.unit(), CELL);
         let [png, lines, exr] = EXTENSIONS.map(|extension| path.with_extension(extension));
         attempts.add(&png, || map.write_png(&png));
         attempts.add(&lines, || write_atomically(&lines, |file| file.write_all(svg.as_bytes())));
         attempts.add(&exr, || write_exr(&exr, &image(set)));
     }
+}
+
+/// Size of the cells of a plane across and down, meters; `None` if the meters are not the corners
+/// of equal cells.
+fn cell(set: &SetReadings) -> Option<[f64; 2]> {
+    let [columns, rows] = set.grid.map(|own| own as usize);
+    let at = |index: usize| set.places[index].position;
+    let step = |index: usize| at(index) - at(0);
+    let [across, down] = match (columns > 1, rows > 1) {
+        (true, true) => [step(1), step(columns)],
+        (true, false) => [step(1), DVec3::ZERO],
+        (false, true) => [DVec3::ZERO, step(1)],
+        (false, false) => return None,
+    };
+    let close = 1e-3 * across.length().max(down.length());
+    let expected =
+        |index: usize| at(0) + across * (index % columns) as f64 + down * (index / columns) as f64;
+    let is_even = (0..set.places.len()).all(|index| at(index).distance(expected(index)) < close);
+    // A single line of meters has cells as high as they are wide.
+    let size = [across.length(), down.length()];
+    let longest = size[0].max(size[1]);
+    is_even.then(|| size.map(|own| if own > 0.0 { own } else { longest }))
 }
 
 fn captions(set: &SetReadings) -> Vec<String> {

@@ -72,15 +72,18 @@ const NAME: &str = if cfg!(windows) {
 /// Folder in which `make denoiser` installs the library, in the checkout.
 const PREFIX: &str = ".oidn";
 
+/// The checkout of which the program was built, for programs that `cargo install` copies elsewhere.
+const CHECKOUT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
 /// Loads the library from `OIDN_DIR` if it is set, else from `.oidn` in a folder that contains the
-/// executable, such as the checkout, else from the system's folders.
+/// executable or in the checkout of which it was built, else from the system's folders.
 ///
 /// # Errors
 /// If the library is not installed or cannot be loaded, with advice.
 pub fn load() -> Result<Functions> {
     let program = env::current_exe().unwrap_or_default();
-    let prefixes: Vec<PathBuf> =
-        program.ancestors().skip(1).map(|folder| folder.join(PREFIX)).collect();
+    let around = program.ancestors().skip(1).chain([Path::new(CHECKOUT)]);
+    let prefixes: Vec<PathBuf> = around.map(|folder| folder.join(PREFIX)).collect();
     load_from(env::var_os("OIDN_DIR"), &prefixes)
 }
 
