@@ -17,11 +17,11 @@ python3 -m venv "$work/venv"
 python=$work/venv/bin/python
 "$python" -m pip install --quiet --disable-pip-version-check "$wheel"
 
-# With NumPy alone: the example of the README, and the program.
+# With NumPy alone: the first example of the README of the package, and the program.
 (
     cd "$work"
     ln -s "$root/scenes" scenes
-    sed -n '/^```python$/,/^```$/p' "$root/README.md" | sed '/^```/d; s/time=20/time=2/' | "$python" -
+    sed -n '/^```python$/,/^```$/p' "$root/python/README.md" | sed '/^```/d; s/time=20/time=2/' | "$python" -
     test -s cornell-box.png
     venv/bin/bdpm render scenes/cornell-box --time 1s --quiet --output program.exr
     test -s program.exr

@@ -99,8 +99,11 @@ impl Scene {
     ///   0), fov_y_deg=40).
     /// - `lights`: a list of `[[light]]` tables, such as dict(type="point", position=(0, 3, 0),
     ///   intensity=20).
-    /// - `environment`: an `[environment]` table.
+    /// - `environment`: an `[environment]` table; or `sky`: a `[sky]` table.
     /// - `materials`: `[materials.NAME]` tables by name.
+    /// - `media`: `[media.NAME]` tables by name, and `medium`: the name of the one between all
+    ///   objects.
+    /// - `meters`: a list of `[[meter]]` tables, which `bdpm.measure` measures.
     /// - `regions`: lists of rectangles (x0, y0, x1, y1) in fractions of the image, by name.
     /// - `render`: a `[render]` table: defaults of the settings.
     /// - `folder`: the folder of textures [default: the current one].
@@ -110,8 +113,8 @@ impl Scene {
     /// Raises bdpm.Error if a key is unknown, a value is wrong, or a mesh is not valid.
     #[staticmethod]
     #[pyo3(signature = (
-        meshes, *, camera, lights=None, environment=None, materials=None, regions=None, render=None,
-        folder=None, name="scene"
+        meshes, *, camera, lights=None, environment=None, sky=None, materials=None, media=None,
+        medium=None, meters=None, regions=None, render=None, folder=None, name="scene"
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments")]
     fn from_meshes(
@@ -120,7 +123,11 @@ impl Scene {
         camera: &Bound<'_, PyDict>,
         lights: Option<Vec<Bound<'_, PyDict>>>,
         environment: Option<&Bound<'_, PyDict>>,
+        sky: Option<&Bound<'_, PyDict>>,
         materials: Option<&Bound<'_, PyDict>>,
+        media: Option<&Bound<'_, PyDict>>,
+        medium: Option<String>,
+        meters: Option<Vec<Bound<'_, PyDict>>>,
         regions: Option<&Bound<'_, PyDict>>,
         render: Option<&Bound<'_, PyDict>>,
         folder: Option<PathBuf>,
@@ -130,6 +137,8 @@ impl Scene {
         for (key, table) in [
             ("camera", Some(camera)),
             ("environment", environment),
+            ("sky", sky),
+            ("media", media),
             ("regions", regions),
             ("render", render),
         ] {
@@ -137,8 +146,11 @@ impl Scene {
                 file.insert(key.into(), Value::Table(tables::table(table)?));
             }
         }
-        let lights = lights.iter().flatten().map(|light| Ok(Value::Table(tables::table(light)?)));
-        file.insert("light".into(), Value::Array(lights.collect::<PyResult<_>>()?));
+        file.extend(medium.map(|name| ("medium".into(), Value::String(name))));
+        for (key, list) in [("light", lights), ("meter", meters)] {
+            let all = list.iter().flatten().map(|own| Ok(Value::Table(tables::table(own)?)));
+            file.insert(key.into(), Value::Array(all.collect::<PyResult<_>>()?));
+        }
         let mut materials =
             materials.map(|table| tables::table(table)).transpose()?.unwrap_or_default();
         let mut named = Vec::new();
@@ -209,7 +221,8 @@ impl Scene {
 /// - `camera`: name of a camera of a glTF or Mitsuba file; the first one by default.
 /// - `strict`: refuse a scene if a part of it would be skipped.
 /// - `environment`: an .exr or .hdr file, or a radiance in W/(m^2 sr), in place of the environment
-///   of the file.
+///   of the file; or `sky`: the keys of a `[sky]` table, such as dict(model="cie", cie_type=1,
+///   diffuse_lx=10000).
 /// - `fallback_light`: add a light to a glTF or OBJ file that has none.
 /// - `camera_from`: a scene whose camera replaces the scene's own.
 /// - `look_at`: moves the camera: position, target and optionally up vector, such as ((0, 1, 5),
@@ -220,7 +233,8 @@ impl Scene {
 /// Raises bdpm.Error with the file and the line that cannot be read.
 #[pyfunction]
 #[pyo3(signature = (
-    path, *, camera=None, strict=false, environment=None, fallback_light=true, camera_from=None, look_at=None, fov=None
+    path, *, camera=None, strict=false, environment=None, sky=None, fallback_light=true, camera_from=None,
+    look_at=None, fov=None
 ))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments")]
 pub fn load(
@@ -229,6 +243,7 @@ pub fn load(
     camera: Option<&str>,
     strict: bool,
     environment: Option<&Bound<'_, PyAny>>,
+    sky: Option<&Bound<'_, PyDict>>,
     fallback_light: bool,
     camera_from: Option<PathBuf>,
     look_at: Option<Vec<[f64; 3]>>,
@@ -244,10 +259,18 @@ pub fn load(
         )),
     });
     let look_at = look_at.transpose()?;
-    let environment = environment.map(|environment| -> PyResult<EnvironmentSource> {
-        environment.str()?.to_str()?.parse().map_err(raised)
-    });
-    let environment = environment.transpose()?;
+    let environment = match (environment, sky) {
+        (Some(_), Some(_)) => {
+            return Err(PyTypeError::new_err("give an environment or a sky, not both"));
+        }
+        (Some(environment), None) => Some(environment.str()?.to_str()?.parse().map_err(raised)?),
+        (None, Some(sky)) => {
+            // The keys of a table without tables are lines.
+            let keys = tables::text(&tables::table(sky)?).trim().replace('\n', ", ");
+            Some(EnvironmentSource::sky(&keys).map_err(raised)?)
+        }
+        (None, None) => None,
+    };
     let loaded = py.detach(|| {
         let (environment, no_fallback_light) = (environment.as_ref(), !fallback_light);
         let camera_change = CameraChange { from: camera_from.as_deref(), look_at, fov };

@@ -19,6 +19,7 @@ const OPTIONS: &[(&str, &str)] = &[
     ("target RMS", "target-rms"),
     ("threads", "threads"),
     ("backend", "accel"),
+    ("place the camera", "look-at"),
     ("camera", "camera"),
     ("environment", "environment"),
     ("default light", "no-fallback-light"),

@@ -111,6 +111,16 @@ fn page_of_gltf_has_the_extensions_of_the_reader() {
     }
 }
 
+/// Media are of no struct of the readers, so that the tests above do not ask for them.
+#[test]
+fn tables_of_other_formats_have_media() {
+    for page in ["docs/reference/mitsuba.md", "docs/reference/pbrt.md"] {
+        let text = Page::read(page).text;
+        let has_row = text.lines().any(|line| line.starts_with("| media |"));
+        assert!(has_row, "{page}: its table has no row of media");
+    }
+}
+
 /// Pages that list the formats of scenes name each extension that the program reads.
 #[test]
 fn lists_of_formats_have_every_extension() {

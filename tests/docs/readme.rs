@@ -40,13 +40,28 @@ fn claims(text: &str) -> Vec<Claim> {
     found
 }
 
+/// Whether a text has a number, not as a part of a longer one.
+fn has_number(text: &str, number: &str) -> bool {
+    let is_part = |c: char| c.is_ascii_digit();
+    text.match_indices(number).any(|(start, found)| {
+        let (before, after) = (&text[..start], &text[start + found.len()..]);
+        let mut next = after.chars();
+        // A point after a number may end a sentence.
+        let goes_on = match next.next() {
+            Some('.') => next.next().is_some_and(is_part),
+            other => other.is_some_and(is_part),
+        };
+        !before.ends_with(|c: char| is_part(c) || c == '.') && !goes_on
+    })
+}
+
 /// Problems of a claim of the README, if `page` is the text of the page that it names.
 fn problems(claim: &Claim, page: &str) -> Vec<String> {
     let page = joined(page);
     let mut found = Vec::new();
     for number in &claim.numbers {
         for (place, text) in [("README.md", &claim.text), (&claim.page[..], &page)] {
-            if !text.contains(&number[..]) {
+            if !has_number(text, number) {
                 found.push(format!("README.md:{}: {place} does not have {number}", claim.line));
             }
         }
@@ -71,10 +86,14 @@ fn percentages_of_the_readme_have_a_comment() {
     let text = text.split("<!--").map(|part| part.split_once("-->").map_or(part, |(_, t)| t));
     let text = joined(&text.collect::<String>());
     let words: Vec<&str> = text.split(' ').collect();
-    for two in words.windows(2).filter(|two| two[1].starts_with('%')) {
+    let is_result = |two: &&[&str]| two[1].starts_with('%') || two[1].starts_with("times");
+    for two in words.windows(2).filter(is_result) {
         let number = two[0].trim_start_matches(['(', '[', '*']);
+        if number.parse::<f64>().is_err() && !two[1].starts_with('%') {
+            continue; // three times
+        }
         let is_known = known.contains(number) || known.contains(&format!("{number} %"));
-        assert!(is_known, "README.md: no comment names the page with {number} %");
+        assert!(is_known, "README.md: no comment names the page with {number} {}", two[1]);
     }
 }
 
@@ -89,6 +108,13 @@ fn pages_of_measurements_name_a_commit() {
     }
 }
 
+/// A front page that is read to its end.
+#[test]
+fn the_readme_is_short() {
+    let lines = Page::read("README.md").text.lines().count();
+    assert!(lines <= 180, "README.md has {lines} lines");
+}
+
 #[test]
 fn missing_numbers_are_noticed() {
     let text = "# a\n\n<!-- numbers of p.md: 5 %;\n7.1 % -->\nIt is 5 %\nand 7.1 %.\n\nNo.\n";
@@ -97,4 +123,6 @@ fn missing_numbers_are_noticed() {
     assert_eq!(claims[0].numbers, ["5 %", "7.1 %"]);
     assert!(problems(&claims[0], "5\n% and 7.1 %").is_empty());
     assert_eq!(problems(&claims[0], "5 %"), ["README.md:3: p.md does not have 7.1 %"]);
+    let found = ["14 times", "it is 14.", "0.14", "14.5", "114"].map(|text| has_number(text, "14"));
+    assert_eq!(found, [true, true, false, false, false]);
 }

@@ -60,12 +60,15 @@ pub(super) fn place(
         Some(_) => (" inside of the closed room", ROOM_DEGREES),
         None => ("", WHOLE_VIEW_DEGREES),
     };
-    let advice = inside.map(|_| "give another camera if it shows the wrong side");
+    let advice = match inside {
+        Some(_) => "place the camera yourself if it shows the wrong side",
+        None => "place the camera yourself, for example inside of a room",
+    };
     scene.camera = inside.unwrap_or(scene.camera);
     let (file, position) = (file.display(), scene.in_file(scene.camera.position()));
     let degrees = change.fov.unwrap_or(own);
     let text = format!("{file}: no camera; added one{place} at {position}, {degrees} degrees high");
-    (Warning { advice, ..Warning::chosen(text) }, accel)
+    (Warning { advice: Some(advice), ..Warning::chosen(text) }, accel)
 }
 
 /// Whether a scene is searched for rooms: it is small, and its coordinates are not extreme.
