@@ -3,7 +3,8 @@
 #
 #   scripts/check-notebooks.sh WHEEL [NOTEBOOK.ipynb...]
 #
-# The notebook beside Mitsuba is skipped where Mitsuba does not run.
+# The notebook beside Mitsuba is skipped where Mitsuba does not run. STORE=1 keeps the outputs in the notebooks: run it
+# on a machine that does nothing else, and look at them before you commit them.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -29,6 +30,7 @@ python=$work/venv/bin/python
 
 "$python" -m pip install --quiet --disable-pip-version-check "$wheel[notebook]" nbclient mitsuba==3.9.1
 "$python" - "$@" <<'END'
+import os
 import subprocess
 import sys
 import time
@@ -46,6 +48,14 @@ for path in map(Path, sys.argv[1:]):
     notebook = nbformat.read(path, as_version=4)
     NotebookClient(notebook, timeout=600, resources={"metadata": {"path": path.parent}}).execute()
     print(f"{path.name}: {time.monotonic() - start:.0f} s")
+    if os.environ.get("STORE"):
+        for cell in notebook.cells:
+            # Times of execution, which differ each time
+            cell.metadata.clear()
+            # Bars of progress, and what pip prints
+            if "outputs" in cell:
+                cell.outputs = [one for one in cell.outputs if one.get("name") != "stderr"]
+        nbformat.write(notebook, path)
     for cell in notebook.cells:
         for output in cell.get("outputs", []):
             if output.output_type == "stream" and output.name == "stdout":

@@ -63,3 +63,18 @@ def test_every_public_name_is_documented() -> None:
         for attribute in vars(member) if isinstance(member, type) else []:
             if not attribute.startswith("_"):
                 assert (getattr(member, attribute).__doc__ or "").strip(), f"{name}.{attribute}"
+
+
+def test_reference_has_every_name_and_keyword() -> None:
+    page = (ROOT / "docs/reference/python.md").read_text()
+    for name in set(bdpm.__all__) - {"__version__"}:
+        assert re.search(rf"\b{name}\b", page), f"{name} is not on the page"
+    # Functions whose row has their keywords; others take the options of the page's second table.
+    functions = [bdpm.load, bdpm.Scene.from_meshes, bdpm.convert, bdpm.measure, bdpm.glare, bdpm.judge, bdpm.calibrate]
+    for function in functions:
+        row = re.search(rf"^\| `(?:Scene\.)?{function.__name__}\((.*?)\)`", page, re.MULTILINE)
+        assert row, function
+        found = set(re.findall(r"\w+", row.group(1)))
+        parameters = inspect.signature(function).parameters.values()
+        own = {one.name for one in parameters if one.kind is not inspect.Parameter.VAR_KEYWORD}
+        assert own - {"progress", "options", "settings"} <= found, f"{function.__name__}: {own - found}"

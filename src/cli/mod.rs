@@ -226,7 +226,7 @@ fn draw(lines: &str) {
 /// Prints warnings about a scene, with the options that their advice is about.
 fn print_notes<'a>(warnings: impl IntoIterator<Item = &'a Warning>) {
     // Every subcommand has the same options for loading a scene
-    let options = LightArgs::augment_args(clap::Command::new(""));
+    let options = CameraArgs::augment_args(LightArgs::augment_args(clap::Command::new("")));
     for warning in warnings {
         say(&with_options(&format!("note: {warning}"), &options));
     }

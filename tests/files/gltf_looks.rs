@@ -350,7 +350,10 @@ fn lights_are_divided_by_the_efficacy_and_turned_by_their_node() {
     let spot = lit(light("spot", cones), down.clone()).load().scene;
     let [Emitter::Spot(spot)] = spot.lights().emitters() else { panic!("no spot") };
     assert!(close(spot.direction, -Vec3::Y) && close(spot.intensity, intensity), "{spot:?}");
-    assert_eq!((spot.cos_inner, spot.cos_outer), (0.2_f32.cos(), 0.5_f32.cos()));
+    assert_eq!(
+        (spot.cos_inner, spot.cos_outer),
+        (f64::from(0.2_f32).cos(), f64::from(0.5_f32).cos())
+    );
     assert_eq!(spot.position, Vec3::new(0.0, 4.0, 0.0));
     // Edges may be sharp, and cones as wide as a half space.
     for (inner, outer) in [(0.5, 0.5), (0.0, FRAC_PI_2)] {
@@ -361,7 +364,7 @@ fn lights_are_divided_by_the_efficacy_and_turned_by_their_node() {
     }
     let default = lit(light("spot", json!({})), down).load().scene;
     let [Emitter::Spot(spot)] = default.lights().emitters() else { panic!("no spot") };
-    assert_eq!((spot.cos_inner, spot.cos_outer), (1.0, FRAC_PI_4.cos()));
+    assert_eq!((spot.cos_inner, spot.cos_outer), (1.0, f64::from(FRAC_PI_4).cos()));
     let dark = lit(json!({ "type": "point", "intensity": 0 }), json!({})).load();
     assert!(dark.warnings_text().contains("nothing emits"));
 }

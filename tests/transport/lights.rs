@@ -36,8 +36,7 @@ fn spot() -> Spot {
 /// Irradiance from a spot by its definition, in f64.
 fn irradiance(spot: &Spot, at: Vec3) -> f64 {
     let to_surface = (at - spot.position).as_dvec3();
-    let (distance, [inner, outer]) =
-        (to_surface.length(), [spot.cos_inner, spot.cos_outer].map(f64::from));
+    let (distance, [inner, outer]) = (to_surface.length(), [spot.cos_inner, spot.cos_outer]);
     let cosine = to_surface.dot(spot.direction.as_dvec3()) / distance;
     let share = ((cosine - outer) / (inner - outer)).clamp(0.0, 1.0).powi(2);
     let cos_surface = -to_surface.z / distance;

@@ -7,14 +7,14 @@ use bdpm_core::scene::transform::MAX_COORDINATE;
 use glam::{DVec3, Vec3};
 
 /// Narrowest falloff of a spot in cosines. Rounding must not reduce it to 0.
-const LEAST_FALLOFF: f32 = 1e-5;
+const LEAST_FALLOFF: f64 = 1e-9;
 
 /// A spot with these cosines of its inner and outer angle.
 pub fn spot(
     position: Vec3,
     direction: Vec3,
     intensity: Rgb,
-    [cos_inner, cos_outer]: [f32; 2],
+    [cos_inner, cos_outer]: [f64; 2],
 ) -> Spot {
     let cos_inner = cos_inner.min(1.0);
     let cos_outer = cos_outer.min(cos_inner - LEAST_FALLOFF);

@@ -184,8 +184,8 @@ pub(super) fn lights(scene: &Scene, warnings: &mut Vec<Warning>) -> String {
             rounded += usize::from(!exact);
             let (place, direction) = (position(spot.position, scene), along(spot.direction));
             writeln!(text, "{}position = {place}", head("spot", name))?;
-            writeln!(text, "direction = {direction}\ninner_deg = {}", number(inner))?;
-            writeln!(text, "outer_deg = {}", number(outer))?;
+            writeln!(text, "direction = {direction}\ninner_deg = {inner:?}")?;
+            writeln!(text, "outer_deg = {outer:?}")?;
             writeln!(text, "intensity = {}", color(spot.intensity))
         }
         Emitter::Directional(sun) => {
@@ -211,13 +211,23 @@ pub(super) fn lights(scene: &Scene, warnings: &mut Vec<Warning>) -> String {
 }
 
 /// The angles of a spot's cones, degrees, and whether they reproduce the cosines exactly.
-fn cones(spot: &Spot) -> ([f32; 2], bool) {
-    let cos = |degrees: f32| degrees.to_radians().cos();
+fn cones(spot: &Spot) -> ([f64; 2], bool) {
     let cosines = [spot.cos_inner, spot.cos_outer];
-    let exact = cosines.map(|cosine| inverse(cosine, cosine.acos().to_degrees(), cos));
+    let exact = cosines.map(degrees_of);
     let nearest = |i: usize| exact[i].unwrap_or(cosines[i].acos().to_degrees());
     // A rounded right angle may exceed 90 degrees.
     ([nearest(0), nearest(1).min(90.0)], exact.iter().all(Option::is_some))
+}
+
+/// The shortest number of degrees near the arc cosine that has exactly this cosine.
+fn degrees_of(cosine: f64) -> Option<f64> {
+    let guess = cosine.acos().to_degrees();
+    let has_it = |degrees: &f64| degrees.to_radians().cos() == cosine;
+    // Angles that were written with few digits
+    let rounded =
+        (3..17).map(|digits| format!("{guess:.digits$}").parse().expect("it is a number"));
+    let near = (-64_i64..=64).map(|step| f64::from_bits((guess.to_bits() as i64 + step) as u64));
+    rounded.chain(near).find(has_it)
 }
 
 #[cfg(test)]

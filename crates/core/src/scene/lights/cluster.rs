@@ -86,7 +86,7 @@ impl Cluster {
             Emitter::Spot(spot) => {
                 // Spots wider than the reach of the estimate may shine anywhere.
                 let spread = if spot.cos_outer < 0.0 { PI } else { 0.0 };
-                let reach = spot.cos_outer.max(0.0).acos();
+                let reach = spot.cos_outer.max(0.0).acos() as f32;
                 let cone = Beam { axis: spot.direction, spread, reach };
                 (at(spot.position), cone, spot.intensity)
             }

@@ -14,7 +14,8 @@ use crate::base::rng::Draw;
 use crate::scene::{TexturedTriangle, Triangle};
 use glam::Vec3;
 use serde::Serialize;
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::PI;
+use std::f64::consts::TAU;
 
 /// A light source; a mesh that emits has one per triangle.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -58,10 +59,11 @@ pub struct Spot {
     pub direction: Vec3,
     /// Radiant intensity along the axis, W/sr.
     pub intensity: Rgb,
-    /// Cosine of the largest angle from the axis with the full intensity.
-    pub cos_inner: f32,
+    /// Cosine of the largest angle from the axis with the full intensity. Single precision has only
+    /// some hundred numbers within a narrow cone.
+    pub cos_inner: f64,
     /// Cosine of the smallest angle without intensity; less than `cos_inner`.
-    pub cos_outer: f32,
+    pub cos_outer: f64,
 }
 
 /// Parallel light.
@@ -84,63 +86,78 @@ impl Spot {
     /// the falloff.
     pub fn solid_angle(&self) -> f32 {
         let [full, falloff] = self.solid_angles();
-        full + falloff
+        (full + falloff) as f32
     }
 
     /// Solid angle of the inner cone, and the equivalent solid angle of the falloff, sr.
     /// theory.md (12).
-    fn solid_angles(&self) -> [f32; 2] {
-        [TAU * (1.0 - self.cos_inner), TAU / 3.0 * (self.cos_inner - self.cos_outer)]
+    fn solid_angles(&self) -> [f64; 2] {
+        let [inner, outer] = self.versines();
+        [TAU * inner, TAU / 3.0 * (outer - inner)]
     }
 
-    /// Share of the intensity in a direction at this cosine to the axis, in [0, 1].
+    /// 1 less the cosines of the inner and the outer angle.
+    fn versines(&self) -> [f64; 2] {
+        [1.0 - self.cos_inner, 1.0 - self.cos_outer]
+    }
+
+    /// 1 less the cosine of a direction to the axis, which unit vectors of single precision have
+    /// only by their difference.
+    fn versine(&self, direction: Vec3) -> f64 {
+        0.5 * f64::from((direction - self.direction).length_squared())
+    }
+
+    /// Share of the intensity in this direction, a unit vector, in [0, 1].
     /// theory.md (12).
     #[inline]
-    pub fn falloff(&self, cosine: f32) -> f32 {
-        let share = (cosine - self.cos_outer) / (self.cos_inner - self.cos_outer);
-        share.clamp(0.0, 1.0).powi(2)
+    pub fn falloff(&self, direction: Vec3) -> f32 {
+        let [inner, outer] = self.versines();
+        let share = (outer - self.versine(direction)) / (outer - inner);
+        share.clamp(0.0, 1.0).powi(2) as f32
     }
 
     /// Starts a light path in proportion to the intensity, from two uniform numbers.
     /// theory.md (13).
     fn emit(&self, prob: f32, [choice, around]: [f32; 2]) -> Emission {
-        let [full, falloff] = self.solid_angles();
+        let ([full, falloff], [inner, outer]) = (self.solid_angles(), self.versines());
         // The rest of the number that chose is uniform again.
-        let chosen = choice * (full + falloff);
-        let cosine = if chosen < full {
-            1.0 - chosen / full * (1.0 - self.cos_inner)
+        let chosen = f64::from(choice) * (full + falloff);
+        let versine = if chosen < full {
+            chosen / full * inner
         } else {
             // The linear function t of the cosine has the density 3 t^2.
             let u = ((chosen - full) / falloff).min(1.0);
-            self.cos_outer + (1.0 - u).cbrt() * (self.cos_inner - self.cos_outer)
+            outer - (1.0 - u).cbrt() * (outer - inner)
         };
-        let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+        let [sine, cosine] = [(versine * (2.0 - versine)).max(0.0).sqrt(), 1.0 - versine];
         let (sin, cos) = sin_cos_turns(around);
         let (tangent, bitangent) = self.direction.any_orthonormal_pair();
+        let across = sine as f32 * (cos * tangent + sin * bitangent);
         Emission {
             origin: self.position,
-            direction: sine * (cos * tangent + sin * bitangent) + cosine * self.direction,
+            direction: across + cosine as f32 * self.direction,
             flux: self.intensity * (self.solid_angle() / prob),
         }
     }
 
     /// Inverse of [`Self::emit`]: the numbers that give this direction.
     fn emission_numbers(&self, direction: Vec3) -> [f32; 2] {
-        let [full, falloff] = self.solid_angles();
-        let cosine = direction.dot(self.direction);
-        let chosen = if cosine >= self.cos_inner {
-            full * (1.0 - cosine) / (1.0 - self.cos_inner)
+        let ([full, falloff], [inner, outer]) = (self.solid_angles(), self.versines());
+        let versine = self.versine(direction);
+        let chosen = if versine <= inner {
+            full * versine / inner.max(f64::MIN_POSITIVE)
         } else {
-            let t = (cosine - self.cos_outer) / (self.cos_inner - self.cos_outer);
+            let t = (outer - versine) / (outer - inner);
             full + falloff * (1.0 - t.max(0.0).powi(3))
         };
         let (tangent, bitangent) = self.direction.any_orthonormal_pair();
-        [chosen / (full + falloff), turns(tangent.dot(direction), bitangent.dot(direction))]
+        let around = turns(tangent.dot(direction), bitangent.dot(direction));
+        [(chosen / (full + falloff)) as f32, around]
     }
 
     fn connect(&self, position: Vec3, prob: f32) -> Option<LightSample> {
         let (wi, distance2) = toward(self.position, position);
-        let share = self.falloff(-wi.dot(self.direction));
+        let share = self.falloff(-wi);
         let irradiance = self.intensity * (share / (distance2 * prob));
         (share > 0.0).then(|| LightSample::of_delta(self.position, wi, irradiance))
     }
@@ -379,7 +396,7 @@ impl Emitter {
         match self {
             Self::Point { intensity, .. } => luminance(*intensity) / distance2(),
             Self::Spot(spot) => {
-                let share = spot.falloff(direction.dot(spot.direction));
+                let share = spot.falloff(direction);
                 luminance(spot.intensity) * share / distance2()
             }
             Self::Directional(light) => luminance(light.irradiance),

@@ -274,7 +274,7 @@ mod tests {
             match i % 3 {
                 0 => Emitter::Point { position, intensity: 0.1 * radiance },
                 1 => {
-                    let cos_outer = 0.98 * rng.next_1d();
+                    let cos_outer = f64::from(0.98 * rng.next_1d());
                     let (cos_inner, intensity) = (0.99, radiance);
                     Emitter::Spot(Spot { position, direction, intensity, cos_inner, cos_outer })
                 }

@@ -49,7 +49,12 @@ pub(super) fn light(document: &GltfDocument, node: &SceneNode) -> Result<Option<
                 let problem = format!("innerConeAngle is {inner}, outerConeAngle {outer} radians");
                 return Err(malformed(format!("{element}.spot"), problem));
             }
-            Emitter::Spot(spot(position, direction()?, intensity, [inner.cos(), outer.cos()]))
+            Emitter::Spot(spot(
+                position,
+                direction()?,
+                intensity,
+                [inner, outer].map(|angle| f64::from(angle).cos()),
+            ))
         }
         _ => return Err(malformed(element, "its type is none of point, spot and directional")),
     };

@@ -114,17 +114,17 @@ fn projector(object: &Object, map: DAffine3, paints: &mut Paints) -> Result<Spot
     let intensity = irradiance * (scale * (PI * area / (TAU * (1.0 - cos))) as f32);
     let position = position(object, map.translation)?;
     let direction = direction(object, map.matrix3.z_axis)?;
-    Ok(spot(position, direction, intensity, [cos as f32; 2]))
+    Ok(spot(position, direction, intensity, [cos; 2]))
 }
 
 /// Cosines of the inner and outer angle of a spot with our quadratic falloff in the cosine. It
 /// emits the power of a falloff that is linear in the angle from `beam` to `cutoff`, radians: `int
 /// I dw = 2 pi (1 - (sin c - sin b)/(c - b))`.
-fn falloff(beam: f64, cutoff: f64) -> [f32; 2] {
+fn falloff(beam: f64, cutoff: f64) -> [f64; 2] {
     let outer = cutoff.cos();
     let slope =
         if cutoff - beam > 1e-6 { (cutoff.sin() - beam.sin()) / (cutoff - beam) } else { outer };
-    [(1.5 * (slope - outer / 3.0)) as f32, outer as f32]
+    [1.5 * (slope - outer / 3.0), outer]
 }
 
 impl EnvironmentEmitter {

@@ -86,8 +86,8 @@ pub(super) fn emitter(
 /// Cosines of the inner and outer angle of a spot with our quadratic falloff, which emits the power
 /// of a smooth step between the cosines `outer` and `start`: half of the full intensity there,
 /// where ours emits a third.
-fn falloff(start: f64, outer: f64) -> [f32; 2] {
-    [(0.75 * start + 0.25 * outer) as f32, outer as f32]
+fn falloff(start: f64, outer: f64) -> [f64; 2] {
+    [0.75 * start + 0.25 * outer, outer]
 }
 
 impl AreaLight {

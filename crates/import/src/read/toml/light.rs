@@ -26,8 +26,8 @@ pub struct LightTable {
     target: Option<Position>,
     pub(super) direction: Option<Point>,
     /// Half the opening angles of the cones of a spot, from the axis.
-    outer_deg: Option<f32>,
-    inner_deg: Option<f32>,
+    outer_deg: Option<f64>,
+    inner_deg: Option<f64>,
     intensity: Option<NonNegative>,
     power: Option<NonNegative>,
     candela: Option<NonNegative>,
@@ -239,7 +239,7 @@ fn unit(direction: Vec3) -> Result<Vec3> {
 }
 
 /// Cosines of a spot's angles.
-fn cones(inner_deg: f32, outer_deg: f32) -> Result<[f32; 2]> {
+fn cones(inner_deg: f64, outer_deg: f64) -> Result<[f64; 2]> {
     // Written so that NaN fails.
     if !(0.0 <= inner_deg && inner_deg < outer_deg && (0.5..=90.0).contains(&outer_deg)) {
         let problem =

@@ -13,17 +13,23 @@ fn spot() -> Spot {
     }
 }
 
+/// A direction at this cosine to the axis.
+fn at_cosine(spot: &Spot, cosine: f32) -> Vec3 {
+    let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+    cosine * spot.direction + sine * spot.direction.any_orthonormal_vector()
+}
+
 #[test]
 fn power_of_a_spot_is_the_integral_of_its_intensity() {
     // Midpoints over the cosine.
     let n = 100_000;
     let spot = spot();
     let integral: f64 = (0..n)
-        .map(|i| f64::from(spot.falloff(2.0 * (i as f32 + 0.5) / n as f32 - 1.0)))
+        .map(|i| f64::from(spot.falloff(at_cosine(&spot, 2.0 * (i as f32 + 0.5) / n as f32 - 1.0))))
         .sum::<f64>()
         * 2.0
         / f64::from(n)
-        * std::f64::consts::TAU;
+        * TAU;
     assert!((integral / f64::from(spot.solid_angle()) - 1.0).abs() < 1e-4, "{integral}");
     let power = Emitter::Spot(spot).power();
     assert!((power / spot.intensity - spot.solid_angle()).abs().max_element() < 1e-5);
@@ -42,21 +48,55 @@ fn light_paths_of_a_spot_follow_its_intensity() {
             emitter.emit(0.5, [(); 4].map(|()| rng.next_f64()));
         assert_eq!((origin, flux), (spot.position, emitter.power() / 0.5));
         assert!((direction.length() - 1.0).abs() < 1e-5);
-        let place = (direction.dot(spot.direction) - spot.cos_outer) / (1.0 - spot.cos_outer);
+        let cos_outer = spot.cos_outer as f32;
+        let place = (direction.dot(spot.direction) - cos_outer) / (1.0 - cos_outer);
         counts[((BINS as f32 * place) as usize).min(BINS - 1)] += 1.0;
     }
     for (bin, count) in counts.into_iter().enumerate() {
         // Midpoints within the bin.
         let cosine = |i: i32| {
             let place = (bin as f32 + (i as f32 + 0.5) / 64.0) / BINS as f32;
-            spot.cos_outer + place * (1.0 - spot.cos_outer)
+            spot.cos_outer as f32 + place * (1.0 - spot.cos_outer as f32)
         };
-        let mean: f32 = (0..64).map(|i| spot.falloff(cosine(i)) / 64.0).sum();
-        let share = TAU * (1.0 - spot.cos_outer) / BINS as f32 * mean / spot.solid_angle();
-        let expected = f64::from(share) * f64::from(n);
+        let falloff = |i| f64::from(spot.falloff(at_cosine(&spot, cosine(i))));
+        let mean: f64 = (0..64).map(|i| falloff(i) / 64.0).sum();
+        let solid_angle = f64::from(spot.solid_angle());
+        let share = TAU * (1.0 - spot.cos_outer) / BINS as f64 * mean / solid_angle;
+        let expected = share * f64::from(n);
         let error = expected.max(1.0).sqrt();
         assert!((count - expected).abs() < 4.5 * error, "{bin}: {count} {expected}");
     }
+}
+
+/// Cosines of single precision would put all paths on some hundred cones around the axis.
+#[test]
+fn light_paths_of_a_narrow_spot_are_on_no_rings() {
+    let [cos_inner, cos_outer] = [0.45, 0.5].map(|degrees: f64| degrees.to_radians().cos());
+    let spot = Spot { cos_inner, cos_outer, ..spot() };
+    let emitter = Emitter::Spot(spot);
+    let mut rng = StreamKey::new(7, Stream::Test, 0).rng(0);
+    let axis = spot.direction.as_dvec3().normalize();
+    let (n, inner) = (20_000, 0.45_f64.to_radians().sin().powi(2));
+    // Squared sines are uniform within the inner cone.
+    let mut squares: Vec<f64> = (0..n)
+        .map(|_| emitter.emit(1.0, [(); 4].map(|()| rng.next_f64())).direction.as_dvec3())
+        .map(|direction| direction.cross(axis).length_squared() / inner)
+        .filter(|square| *square < 1.0)
+        .collect();
+    squares.sort_unstable_by(f64::total_cmp);
+    let share = squares.len() as f64 / f64::from(n);
+    let of_inner = f64::from(spot.solid_angle());
+    let expected = TAU * (1.0 - cos_inner) / of_inner;
+    assert!((share - expected).abs() < 4.0 * (expected * (1.0 - expected) / f64::from(n)).sqrt());
+    // Kolmogorov and Smirnov: 2.2 has a probability of 1e-4.
+    let count = squares.len() as f64;
+    let off = |(i, square): (usize, &f64)| (square - (i as f64 + 0.5) / count).abs();
+    let largest = squares.iter().enumerate().map(off).fold(0.0, f64::max);
+    assert!(largest * count.sqrt() < 2.2, "{largest}");
+    let gaps = squares.windows(2).map(|two| two[1] - two[0]);
+    let largest_gap = gaps.fold(0.0, f64::max);
+    // Each of n gaps exceeds ln(n/p)/n, here .0011, with the probability p/n. Rings have gaps of .002.
+    assert!(largest_gap < (count / 1e-4).ln() / count, "{largest_gap}");
 }
 
 #[test]
