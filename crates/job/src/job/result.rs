@@ -95,7 +95,9 @@ impl Summary {
         };
         let objective = state.stop.objective;
         let convergence = Convergence::of(image, &importance(state.renderer.blocks(), objective));
-        let error = state.is_automatic.then(|| relative_error(state, &convergence)).flatten();
+        // Renders at given counts that stop at an error state it as well.
+        let is_stated = state.is_automatic || state.stop.error.is_some();
+        let error = is_stated.then(|| relative_error(state, &convergence)).flatten();
         Self { error, denoised: denoised_report(state, &convergence), rms, merge_bias }
     }
 }

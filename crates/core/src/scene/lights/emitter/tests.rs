@@ -95,7 +95,8 @@ fn light_paths_of_a_narrow_spot_are_on_no_rings() {
     assert!(largest * count.sqrt() < 2.2, "{largest}");
     let gaps = squares.windows(2).map(|two| two[1] - two[0]);
     let largest_gap = gaps.fold(0.0, f64::max);
-    // Each of n gaps exceeds ln(n/p)/n, here .0011, with the probability p/n. Rings have gaps of .002.
+    // Each of n gaps exceeds ln(n/p)/n, here .0011, with the probability p/n. Rings have gaps of
+    // .002.
     assert!(largest_gap < (count / 1e-4).ln() / count, "{largest_gap}");
 }
 
