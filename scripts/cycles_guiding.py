@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What path guiding by Intel's Open Path Guiding Library brings Cycles in a room, as rows of a table.
+"""Rooms by Cycles with path guiding by Intel's Open Path Guiding Library and without, as rows of a table.
 
 usage: cycles_guiding.py [--width W] [--samples N,...] ROOM.xml...
 

@@ -98,13 +98,15 @@ run() {
         interiors)
             for room in "$PUBLIC_SCENES"/*/room.xml; do
                 once "interiors-$(basename "$(dirname "$room")")" \
-                    "$MITSUBA_VENV/bin/python" scripts/interiors.py --bdpm "$BDPM" --reference 400 "$room"
+                    "$MITSUBA_VENV/bin/python" scripts/interiors.py --bdpm "$BDPM" --time 20 \
+                    --threads 2 --runs 2 --width 320 --reference 400 "$room"
             done
             ;;
         paths)
             for room in "$PUBLIC_SCENES"/*/room.xml; do
                 once "paths-$(basename "$(dirname "$room")")" \
-                    "$MITSUBA_VENV/bin/python" scripts/path_speed.py --bdpm "$BDPM" "$room"
+                    "$MITSUBA_VENV/bin/python" scripts/path_speed.py --bdpm "$BDPM" --rounds 2 \
+                    --seconds 4 "$room"
             done
             ;;
         cycles)

@@ -3,7 +3,7 @@
 use super::interrupts::catch_interrupts;
 use super::progress::{Progress, ProgressFormat};
 use super::render::share;
-use super::{positive_time, print_notes, say};
+use super::{positive_time, print_plain_notes, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::base::math::Rgb;
 use bdpm::film::compare::{Comparison, compare};
@@ -93,7 +93,7 @@ fn judge(args: &Args, scene: &Path) -> Result<String> {
     let loaded = threads.install(|| load(scene))?;
     if !args.json {
         say(&format!("read {}", loaded.summary));
-        print_notes(&loaded.warnings);
+        print_plain_notes(&loaded.warnings);
     }
     let format = if args.json { ProgressFormat::Nothing } else { ProgressFormat::Text };
     let interrupt = catch_interrupts(Progress::new(format))?;

@@ -3,7 +3,7 @@
 use super::interrupts::catch_interrupts;
 use super::outputs::{self, Attempts, Output};
 use super::progress::{Progress, ProgressFormat};
-use super::{positive_time, print_notes, reported, say};
+use super::{positive_time, print_plain_notes, reported, say};
 use bdpm::accel::Intersect;
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::{Error, Result};
@@ -209,7 +209,7 @@ pub fn run(args: &Args) -> Result<String> {
     let loaded = threads.install(|| load_with(&args.scene, &options))?;
     if !args.quiet {
         say(&format!("read {}", loaded.summary));
-        print_notes(&loaded.warnings);
+        print_plain_notes(&loaded.warnings);
         lost_light(&loaded.scene).iter().for_each(|note| say(&format!("note: {note}")));
     }
     outputs::spare_inputs(&files)?;

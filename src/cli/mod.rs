@@ -223,9 +223,14 @@ fn draw(lines: &str) {
     let _ = writeln!(io::stderr(), "{lines}");
 }
 
+/// Prints warnings about a scene, for a command that cannot change how it is loaded.
+fn print_plain_notes<'a>(warnings: impl IntoIterator<Item = &'a Warning>) {
+    warnings.into_iter().for_each(|warning| say(&format!("note: {warning}")));
+}
+
 /// Prints warnings about a scene, with the options that their advice is about.
 fn print_notes<'a>(warnings: impl IntoIterator<Item = &'a Warning>) {
-    // Every subcommand has the same options for loading a scene
+    // All subcommands that have any options for loading a scene have these.
     let options = CameraArgs::augment_args(LightArgs::augment_args(clap::Command::new("")));
     for warning in warnings {
         say(&with_options(&format!("note: {warning}"), &options));

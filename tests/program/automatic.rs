@@ -149,6 +149,12 @@ fn target_error_is_reached() {
     let [total, noise, bias] =
         ["total", "noise", "bias"].map(|part| found["error"][part].as_f64().unwrap());
     assert!(total <= 0.05 && (noise.hypot(bias) / total - 1.0).abs() < 1e-9, "{found}");
+    // At given counts as well
+    let given = ["--strategy", "path", "--light-paths", "2", "--camera-paths", "2"];
+    let target = ["--resolution", "32x32", "--target-error", "10%"];
+    let found = report(render(&at("c.exr"), &[&given[..], &target].concat()));
+    let total = found["error"]["total"].as_f64().unwrap_or_else(|| panic!("{found}"));
+    assert!(found["stopped_by"] == "target" && (0.05..=0.1).contains(&total), "{found}");
     let shown = fail(render(&at("b.exr"), &["--target-error", "0.05"]), 2);
     assert!(shown.contains("positive share such as 2%"), "{shown}");
 }

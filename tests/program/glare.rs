@@ -51,6 +51,22 @@ fn pixels_that_are_not_finite_are_refused() {
 }
 
 #[test]
+fn pictures_of_sources_are_of_images_and_replace_no_input() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = "type = \"fisheye\"\nprojection = \"equisolid\"\nfov_deg = 150";
+    let path = rendered(folder.path(), "fisheye.exr", camera, &[]);
+    let picture = folder.path().join("sources.png");
+    let out = picture.to_str().unwrap();
+    let with = json(&glare(&path, &["--picture", out]));
+    assert_eq!(with, json(&glare(&path, &[])), "the rating is the same");
+    let (width, height) = image::image_dimensions(&picture).unwrap();
+    assert!(width >= 32 && height > 32, "the image, and lines below it");
+    let refused = bdpm(&["glare", SCENE, "--picture", out]);
+    assert_refused(&refused, "a scene is rated without an image", "fisheye");
+    assert_refused(&glare(&path, &["--picture", "a.jpg"]), "a.jpg", ".png");
+}
+
+#[test]
 fn lens_is_that_of_the_file_and_contradictions_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let camera = "type = \"fisheye\"\nprojection = \"equisolid\"\nfov_deg = 150";

@@ -51,6 +51,22 @@ fn default_output_is_named_after_the_scene_in_the_current_folder() {
     assert_eq!(fs::read(at("room.exr")).unwrap(), before);
 }
 
+/// Only commands that have the option name it.
+#[test]
+fn notes_about_the_default_camera_name_the_option_that_places_it() {
+    let (_folder, at) = folder();
+    let scene = Path::new(SCENE).join("cornell-box.obj");
+    let scene = scene.to_str().unwrap();
+    let path = at("a.exr");
+    let image = path.to_str().unwrap();
+    let notes = |arguments: &[&str]| text(&output(bdpm(arguments)).stderr).to_owned();
+    let few = [&["render", scene, "--output", image, "--iterations", "1"][..], &SMALL].concat();
+    let shown = notes(&few);
+    assert!(shown.contains("no camera; added one") && shown.contains("--look-at"), "{shown}");
+    let shown = notes(&["compare", image, "--scene", scene, "--time", "0.1"]);
+    assert!(shown.contains("no camera; added one") && !shown.contains("--look-at"), "{shown}");
+}
+
 #[test]
 fn crop_renders_a_window_of_the_full_image() {
     let (folder, at) = folder();

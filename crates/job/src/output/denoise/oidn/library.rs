@@ -72,11 +72,11 @@ const NAME: &str = if cfg!(windows) {
 /// Folder in which `make denoiser` installs the library, in the checkout.
 const PREFIX: &str = ".oidn";
 
-/// The checkout of which the program was built, for programs that `cargo install` copies elsewhere.
+/// The checkout that this was built in, for programs that `cargo install` copies elsewhere.
 const CHECKOUT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
 /// Loads the library from `OIDN_DIR` if it is set, else from `.oidn` in a folder that contains the
-/// executable or in the checkout of which it was built, else from the system's folders.
+/// executable, in the checkout, or from the folders of the system.
 ///
 /// # Errors
 /// If the library is not installed or cannot be loaded, with advice.
