@@ -44,6 +44,8 @@ pub struct RenderReport<'a> {
     /// Forecast of the rendering time of this run, when half of it had passed.
     pub half_way: Option<TimeForecast>,
     pub merge_bias: Option<&'a BiasOverNoise>,
+    /// Light that the scene may have and the image has not seen.
+    pub unseen_light: Option<String>,
     /// Comparison of the image with its audit.
     pub audit: Option<&'a AuditReport>,
     /// Why there is no audit, if the scene is the reason.
@@ -76,6 +78,7 @@ impl<'a> RenderReport<'a> {
             technique: result.selection(),
             half_way: state.half_way(),
             merge_bias: result.merge_bias.as_ref(),
+            unseen_light: result.unseen_light.as_ref().map(|light| light.describe()),
             audit: result.audit.as_ref(),
             without_audit: reason_without_audit(result),
             exr: name(&writer.outputs.exr),
@@ -186,6 +189,13 @@ pub fn text(report: &RenderReport) -> String {
     );
     text += &processes(run);
     text += &error(report);
+    if let Some(unseen) = &report.unseen_light {
+        text += &format!(
+            "warning: no photon has shown any {unseen}; if there is such light, the image lacks it and \
+             its error has no upper bound\n\
+             help: render longer without --strategy, --light-paths and --camera-paths\n"
+        );
+    }
     text += &audit(report);
     text += &report.denoised.as_ref().map_or(String::new(), denoised);
     text += &report.technique.map_or(String::new(), technique);
@@ -259,6 +269,9 @@ fn audit(report: &RenderReport) -> String {
 /// The interval of an error in words.
 pub fn interval_text(interval: &ErrorInterval) -> String {
     let ErrorInterval { low, high } = interval;
+    if high.is_infinite() {
+        return format!(" (at least {:.2} %)", 100.0 * low);
+    }
     format!(" ({:.0} %: {:.2} to {:.2} %)", 100.0 * COVERAGE, 100.0 * low, 100.0 * high)
 }
 

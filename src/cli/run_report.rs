@@ -72,7 +72,7 @@ impl<'a> RunReport<'a> {
     /// Reports a run whose files took `write_time`.
     pub fn new(input: &SceneInput, result: &'a RenderResult, write_time: Duration) -> Self {
         let state = &result.state;
-        let Totals { iterations: new, rays, photons, non_finite, times } = state.totals;
+        let Totals { iterations: new, rays, photons, non_finite, times, .. } = state.totals;
         let provenance = &state.provenance;
         let threads = input.threads.current_num_threads();
         let busy = |time: Duration| time.as_secs_f64() / threads as f64;

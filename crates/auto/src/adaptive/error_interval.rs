@@ -31,7 +31,7 @@ pub struct SquaredPart {
 pub struct ErrorInterval {
     /// Lower end.
     pub low: f64,
-    /// Upper end.
+    /// Upper end; infinite if the image may lack light that was never seen.
     pub high: f64,
 }
 
@@ -47,6 +47,12 @@ impl ErrorInterval {
     pub fn new(noise: SquaredPart, bias: SquaredPart, is_forecast: bool) -> Self {
         let unseen = UNSEEN_NOISE[usize::from(is_forecast)];
         Self::of_parts([noise.with(unseen), bias.with(UNSEEN_BIAS)])
+    }
+
+    /// The interval of an image that may lack light that was never seen.
+    #[must_use]
+    pub fn open_above(self) -> Self {
+        Self { high: f64::INFINITY, ..self }
     }
 
     /// The interval for independent squared parts. The logarithm of their sum is taken to be

@@ -217,6 +217,17 @@ pub fn uniform_disc(u: [f32; 2]) -> [f32; 2] {
     [r * cos, r * sin]
 }
 
+/// [`uniform_disc`] in double precision, for discs around whole scenes.
+pub fn uniform_wide_disc(u: [f64; 2]) -> [f64; 2] {
+    let [x, y] = u.map(|u| 2.0 * u - 1.0);
+    let (r, ratio) = if x.abs() > y.abs() { (x, y / x) } else { (y, x / y) };
+    if r == 0.0 {
+        return [0.0; 2];
+    }
+    let (sin, cos) = (std::f64::consts::FRAC_PI_4 * ratio).sin_cos();
+    if x.abs() > y.abs() { [r * cos, r * sin] } else { [r * sin, r * cos] }
+}
+
 /// Barycentric weights of the second and third vertex, uniform over a triangle's area.
 /// theory.md (10).
 #[inline]

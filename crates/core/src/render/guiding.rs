@@ -58,8 +58,8 @@ pub struct Learned {
     pub guide: Arc<Guide>,
     /// Number of learning iterations.
     pub iterations: u32,
-    /// Second moment of the contributions of guided light paths, relative to paths that start in
-    /// proportion to the power of the lights. It is estimated from the last round, whose paths
+    /// Second moment of the contributions of guided light paths, relative to paths that start
+    /// without what was learned. It is estimated from the last round, whose paths
     /// started from the guide of the rounds before.
     pub second_moment: f64,
 }
@@ -83,7 +83,8 @@ impl Renderer {
         mut should_continue: impl FnMut(u32, &Guide) -> bool,
     ) -> Result<Learned> {
         let mut renderer = self.learning_renderer()?;
-        let mut guide = Arc::new(Guide::even());
+        let base = self.aim.clone().unwrap_or_else(|| Arc::new(Guide::even()));
+        let mut guide = Arc::clone(&base);
         let (mut samples, mut iterations, mut second_moment) = (Vec::new(), 0, 1.0);
         // First sample of the current round
         let mut round = 0;
@@ -91,16 +92,16 @@ impl Renderer {
             renderer.set_guide(Some(Arc::clone(&guide)));
             samples.extend(renderer.guide_samples(&guide));
             renderer.check_interrupt()?;
-            second_moment = relative_second_moment(&samples[round..]);
+            second_moment = relative_second_moment(&samples[round..], &base);
             iterations += 1;
             let rounds = iterations / LEARNING_ROUND;
             if iterations.is_multiple_of(LEARNING_ROUND) && rounds.is_power_of_two() {
-                guide = Arc::new(Guide::learn(&samples));
+                guide = Arc::new(Guide::learn(&samples, &base));
                 round = samples.len();
             }
         }
         if round < samples.len() {
-            guide = Arc::new(Guide::learn(&samples));
+            guide = Arc::new(Guide::learn(&samples, &base));
         }
         Ok(Learned { guide, iterations, second_moment })
     }
@@ -163,12 +164,15 @@ impl Renderer {
     }
 }
 
-/// Second moment of the contributions of guided light paths, relative to paths that start in
-/// proportion to the power of the lights.
-fn relative_second_moment(samples: &[GuideSample]) -> f64 {
+/// Second moment of the contributions of guided light paths, relative to paths that start with the
+/// density `base`.
+fn relative_second_moment(samples: &[GuideSample], base: &Guide) -> f64 {
     let guided: f64 = samples.iter().map(|sample| sample.square).sum();
-    let even: f64 = samples.iter().map(|sample| sample.square * sample.start.density).sum();
-    if even > 0.0 { guided / even } else { 1.0 }
+    let weighted = |sample: &GuideSample| {
+        sample.square * sample.start.density / base.density(&sample.start.place)
+    };
+    let before: f64 = samples.iter().map(weighted).sum();
+    if before > 0.0 { guided / before } else { 1.0 }
 }
 
 /// Contributions of the light paths to the pixels of some tiles.

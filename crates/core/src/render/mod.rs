@@ -89,6 +89,8 @@ pub struct Renderer {
     assigned: IterationSet,
     /// Areas of the surfaces, for the area kernel only.
     areas: Option<Arc<Areas>>,
+    /// Where light paths start unless it was learned; `None` in proportion to the lights' power.
+    aim: Option<Arc<Guide>>,
     light_paths: LightPaths,
     photon_map: PhotonMap,
     medium_photons: MediumPhotons,
@@ -122,7 +124,9 @@ impl Renderer {
         let located = scene.media().map(|_| Arc::new(scene.with_start_media(&**accel)));
         let scene = located.as_ref().unwrap_or(scene);
         let scene = light_visibility::learned(scene, &**accel, &settings);
-        Self::unguided(&scene, accel, settings)?.with_learned_directions().with_learned_guide()
+        let mut renderer = Self::unguided(&scene, accel, settings)?;
+        renderer.aim = Guide::aimed(&scene).map(Arc::new);
+        renderer.with_learned_directions().with_learned_guide()
     }
 
     fn unguided(
@@ -191,6 +195,7 @@ impl Renderer {
             settings,
             light_paths,
             areas,
+            aim: None,
             photon_map: PhotonMap::default(),
             medium_photons: MediumPhotons::default(),
             clearance,
@@ -232,7 +237,8 @@ impl Renderer {
                 self.clearance.as_ref(),
             )?
         };
-        let mut renderer = Self { interrupt: self.interrupt.clone(), ..renderer };
+        let (interrupt, aim) = (self.interrupt.clone(), self.aim.clone());
+        let mut renderer = Self { interrupt, aim, ..renderer };
         if self.learns_directions_of(&renderer) {
             renderer.directions = Arc::clone(&self.directions);
         }
@@ -243,7 +249,7 @@ impl Renderer {
         let counted =
             Settings { light_paths, camera_paths, sobol_set, seed, mis_scales, ..new.clone() };
         if counted == self.settings && new.mis_scales() == self.settings.mis_scales() {
-            Ok(renderer.guided(self.guide().cloned()))
+            Ok(renderer.guided(self.learned_guide()))
         } else {
             renderer.with_learned_guide()
         }
@@ -384,29 +390,37 @@ impl Renderer {
         most.clamp(2.0, f64::from(MAX_LIGHT_PATHS)) as u32
     }
 
-    /// Starts light paths from `guide`, whatever the settings ask for; in proportion to the power
-    /// of the lights without one. Nothing is set where there are no photons.
+    /// Starts light paths from a learned guide, whatever the settings ask for. Without one, a share
+    /// of them aims at what casts caustics, and the others start in proportion to the power of the
+    /// lights. Nothing is set where there are no photons.
     #[must_use]
     pub fn guided(mut self, guide: Option<Arc<Guide>>) -> Self {
         self.set_guide(guide);
         self
     }
 
-    /// Sets the guide that light paths start from, and with multiple importance sampling that of
-    /// the weights.
-    fn set_guide(&mut self, guide: Option<Arc<Guide>>) {
+    /// Sets the guide that light paths start from. With multiple importance sampling a learned
+    /// guide is that of the weights, too.
+    fn set_guide(&mut self, learned: Option<Arc<Guide>>) {
         // No weight has densities of light paths, which take a tenth of the time under a sky.
-        let guide = guide.filter(|_| self.settings.has_photons());
-        let weighted = guide.clone().filter(|_| Mis::new(&self.settings).is_some());
+        let has_photons = self.settings.has_photons();
+        let weighted =
+            learned.clone().filter(|_| has_photons && Mis::new(&self.settings).is_some());
         if weighted.is_some() || self.scene.lights().has_weighted_guide() {
             self.scene = Arc::new(self.scene.with_weighted_guide(weighted));
         }
-        self.light_paths.guide = guide;
+        self.light_paths.guide = learned.or_else(|| self.aim.clone()).filter(|_| has_photons);
     }
 
     /// The guide that light paths start from, if there is one.
     pub fn guide(&self) -> Option<&Arc<Guide>> {
         self.light_paths.guide.as_ref()
+    }
+
+    /// The guide that was learned, if light paths start from one.
+    pub fn learned_guide(&self) -> Option<Arc<Guide>> {
+        let is_aim = |own: &Arc<Guide>| self.aim.as_ref().is_some_and(|aim| Arc::ptr_eq(aim, own));
+        self.guide().filter(|own| !is_aim(own)).cloned()
     }
 
     /// The scene and its acceleration structure.

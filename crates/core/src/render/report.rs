@@ -11,8 +11,12 @@ pub struct IterationReport {
     pub times: PhaseTimes,
     /// Rays traced in the light phase and the camera phase.
     pub rays: u64,
+    /// Light paths that were started.
+    pub light_paths: u64,
     /// Photons in the map.
     pub photons: usize,
+    /// Whether any photon came through glass or off mirrors only.
+    pub found_caustics: bool,
     /// Column and row of the pixels whose value was not finite and was left out, in image order.
     pub non_finite: Vec<(u32, u32)>,
 }
@@ -21,9 +25,15 @@ impl IterationReport {
     /// Collects the counters of the iteration that began at `start`. The photon map took
     /// `build_time` on all threads together.
     pub(super) fn new(renderer: &mut Renderer, build_time: Duration, start: Instant) -> Self {
-        let Renderer { light_paths, photon_map, workers, config, .. } = renderer;
-        let mut report =
-            Self { rays: light_paths.rays(), photons: photon_map.len(), ..Self::default() };
+        let Renderer { light_paths, photon_map, medium_photons, workers, config, .. } = renderer;
+        let mut report = Self {
+            rays: light_paths.rays(),
+            light_paths: light_paths.count(),
+            photons: photon_map.len(),
+            found_caustics: photon_map.has_caustic_photons()
+                || medium_photons.has_caustic_photons(),
+            ..Self::default()
+        };
         report.times.light = light_paths.busy_time() + build_time;
         for worker in workers.free_mut() {
             let counts = worker.take_counts();

@@ -176,7 +176,7 @@ impl Scene {
     pub fn with_meters(&self, kind: MeterKind, mut list: Vec<Meter>) -> Self {
         assert!(!list.is_empty());
         for meter in &mut list {
-            meter.position += self.offset_at(meter.position) * meter.normal;
+            meter.position += self.offset_at(meter.position, meter.normal) * meter.normal;
         }
         let may_have_panes = self.has_panes();
         Self { meters: Some(Meters { kind, list, may_have_panes }.into()), ..self.clone() }

@@ -8,6 +8,7 @@ pub mod diffuse;
 pub mod dispersion;
 mod fingerprint;
 mod camera_visibility;
+pub mod casters;
 pub mod coated_hits;
 mod glasses;
 mod hit;
@@ -323,9 +324,10 @@ impl Scene {
         self.has_own_ray_offset.then_some(self.ray_offset)
     }
 
-    /// Distance off a surface at this position at which rays start, scene units.
-    pub(crate) fn offset_at(&self, position: Vec3) -> f32 {
-        Triangle::offset(position.abs().max_element()) + self.ray_offset
+    /// Distance off a plane through this position at which rays start, scene units; its unit normal
+    /// is given.
+    pub(crate) fn offset_at(&self, position: Vec3, normal: Vec3) -> f32 {
+        Triangle::offset(normal, position.abs()) + self.ray_offset
     }
 
     /// Box around all meshes.

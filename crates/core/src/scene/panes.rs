@@ -224,15 +224,18 @@ impl Scene {
                 return Some(tracer.end());
             }
             let surface = self.surface(&ray, &hit);
-            tracer.covered += surface.position.distance(ray.origin);
+            let start;
             if let Some(media) = self.media().filter(|media| media.is_index_matched(hit.mesh)) {
                 within = media.cross(within, hit.mesh, surface.front);
-                ray = Ray::new(surface.start(direction), direction);
-                continue;
+                start = surface.start(direction);
+            } else {
+                let pane = self.pane_at(accel, &surface, within)?;
+                tracer.pass(&pane);
+                (start, within) = (pane.start, pane.beyond);
             }
-            let pane = self.pane_at(accel, &surface, within)?;
-            tracer.pass(&pane);
-            (ray, within) = (Ray::new(pane.start, direction), pane.beyond);
+            // Rays start off surfaces. A lamp must not seem to be nearer than its own distance.
+            tracer.covered += (start - ray.origin).dot(direction);
+            ray = Ray::new(start, direction);
         }
         None
     }
@@ -247,7 +250,7 @@ fn is_face(surface: &Surface) -> bool {
 struct SightTracer {
     direction: Vec3,
     distance: f32,
-    /// Length of the way so far along the direction.
+    /// Length along the direction until the start of the current ray.
     covered: f32,
     shift: Vec3,
     transmitted: Rgb,
@@ -286,7 +289,6 @@ impl SightTracer {
         self.transmitted *= pane.transmitted;
         let Some(SlabPath { across, normal, index, cos }) = pane.slab else { return };
         let along = across.dot(self.direction);
-        self.covered += along;
         self.in_slabs += along;
         self.shift += across - along * self.direction;
         self.slabs += 1;

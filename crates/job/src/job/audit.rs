@@ -188,7 +188,9 @@ impl RenderState {
         let looks = LOOKS.len() as u32 + 1;
         let place = (&**self.renderer.scene_and_accel().0, &**self.renderer.scene_and_accel().1);
         let settings = self.renderer.settings();
-        Some(AuditReport::new(&audited, bias, looks, audit.share_of_time(), (place, settings)))
+        let share = audit.share_of_time();
+        let report = AuditReport::new(&audited, bias, looks, share, (place, settings));
+        Some(report.with_unseen(self.unseen_light().map(|light| light.describe())))
     }
 
     /// Looks at the audit if that is due.

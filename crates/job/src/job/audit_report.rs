@@ -32,7 +32,8 @@ pub enum Verdict {
     Agrees,
     /// The technique of the image is wrong somewhere.
     Differs,
-    /// The image has light that path tracing would hardly find.
+    /// The image has light that path tracing would hardly find, or may lack light that neither has
+    /// seen.
     Unclear,
 }
 
@@ -71,6 +72,8 @@ pub struct AuditReport {
     pub expected_hits: f64,
     /// Camera paths of the audit.
     pub paths: f64,
+    /// Light that neither the image nor the audit can have seen, in words, if there may be any.
+    pub unseen: Option<String>,
     /// Share of the rendering time that the audit took.
     pub share_of_time: f64,
     /// Mean luminance of the image over that of the audit.
@@ -140,12 +143,24 @@ impl AuditReport {
             not_audited: *not_audited,
             expected_hits: *expected_hits,
             paths: *paths,
+            unseen: None,
             share_of_time,
             mean: difference.mean,
             scales: difference.scales.clone(),
             regions: named_regions(regions, &difference.map, (scene, accel, settings)),
             map: difference.map.clone(),
         }
+    }
+
+    /// The report if there may be light that neither the image nor the audit has seen: agreement
+    /// then says nothing.
+    #[must_use]
+    pub(super) fn with_unseen(self, unseen: Option<String>) -> Self {
+        let verdict = match self.verdict {
+            Verdict::Agrees if unseen.is_some() => Verdict::Unclear,
+            own => own,
+        };
+        Self { verdict, unseen, ..self }
     }
 
     /// The squared error that the difference stands for; `None` if the image does not differ.
@@ -177,6 +192,9 @@ impl AuditReport {
                 "{paths}: {} of the image agrees with path tracing within {} in {size}{rest}",
                 percent(1.0 - self.not_audited),
                 percent(self.agreement)
+            ),
+            Verdict::Unclear if let Some(unseen) = &self.unseen => format!(
+                "not audited: neither photons nor path tracing have seen any {unseen}{rest}"
             ),
             Verdict::Unclear => format!(
                 "{paths}: the image has light that path tracing hardly finds, so that {:.1} hits of it \

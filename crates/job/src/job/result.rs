@@ -20,6 +20,7 @@ use bdpm_core::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH};
 use bdpm_core::noise::image::NoiseImage;
 use bdpm_core::render::bias_over_noise::BiasOverNoise;
 use bdpm_core::render::block::Block;
+use bdpm_core::render::findable_light::CausticLight;
 use serde::Serialize;
 use std::time::Duration;
 
@@ -38,6 +39,8 @@ pub struct RenderResult {
     pub rms: Option<(f64, f64)>,
     /// Merge bias, estimated from nested radii; `None` if the image is corrected.
     pub merge_bias: Option<BiasOverNoise>,
+    /// Light that the scene may have and the image has not seen: its error has no upper bound.
+    pub unseen_light: Option<CausticLight>,
     /// Comparison of the image with its audit, if it was audited.
     pub audit: Option<AuditReport>,
     /// Path counts, number and weight of all iterations. A job with this plan and seed renders the
@@ -130,6 +133,7 @@ impl RenderResult {
             denoised,
             rms,
             merge_bias,
+            unseen_light: state.unseen_light(),
             audit,
             plan,
             stopped_by,
@@ -243,10 +247,10 @@ fn relative_error(state: &RenderState, convergence: &Convergence) -> Option<Rela
     }
     let stop = &convergence.with_measured_bias(&state.stop);
     let total = convergence.error(stop, 1.0)?;
-    Some(RelativeError {
-        total,
-        noise: convergence.weighted_variance?.sqrt(),
-        bias: stop.bias2.sqrt(),
-        interval: convergence.error_interval(&state.stop, 1.0),
-    })
+    let mut interval = convergence.error_interval(&state.stop, 1.0);
+    if state.unseen_light().is_some() {
+        interval = interval.map(ErrorInterval::open_above);
+    }
+    let noise = convergence.weighted_variance?.sqrt();
+    Some(RelativeError { total, noise, bias: stop.bias2.sqrt(), interval })
 }

@@ -16,7 +16,9 @@ use bdpm_core::film::cells::CellGrid;
 use bdpm_core::render::Renderer;
 use bdpm_core::render::block::{Block, CombinedImage};
 use bdpm_core::render::combined_image::DerivedStatistics;
+use bdpm_core::render::findable_light::CausticLight;
 use bdpm_core::scene::{Camera, Region};
+use bdpm_core::settings::Direct;
 use bdpm_core::settings::provenance::Provenance;
 use rayon::ThreadPool;
 use std::borrow::Cow;
@@ -97,6 +99,9 @@ pub(super) struct Latest {
     derived: DerivedStatistics,
 }
 
+/// Light paths, a fifth of which aims at what casts caustics, that would have found a caustic.
+const ENOUGH_LIGHT_PATHS: u64 = 2000;
+
 impl RenderState {
     /// Threads of this process.
     pub fn threads(&self) -> &ThreadPool {
@@ -111,6 +116,19 @@ impl RenderState {
     /// The camera of the image.
     pub fn camera(&self) -> &Camera {
         &self.renderer.scene_and_accel().0.camera
+    }
+
+    /// Light that the scene may have, that no camera path finds, and of which no photon was stored:
+    /// too few light paths started to say that there is none. `None` without such light, and for
+    /// images that an earlier run began, whose photons are not known.
+    pub fn unseen_light(&self) -> Option<CausticLight> {
+        let settings = self.renderer.settings();
+        let is_known = !settings.has_photons()
+            || settings.direct == Direct::Connect && self.totals.light_paths < ENOUGH_LIGHT_PATHS;
+        if self.totals.found_caustics || self.earlier > 0.0 || !is_known {
+            return None;
+        }
+        CausticLight::of(self.renderer.scene_and_accel().0)
     }
 
     /// The image so far: all blocks with their weights.

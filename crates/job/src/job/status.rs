@@ -42,8 +42,12 @@ pub struct Totals {
     pub iterations: u64,
     /// Rays of this run.
     pub rays: u64,
+    /// Light paths of this run.
+    pub light_paths: u64,
     /// Photons of this run.
     pub photons: u64,
+    /// Whether any photon came through glass or off mirrors only.
+    pub found_caustics: bool,
     /// Pixel values that were not finite and were left out.
     pub non_finite: u64,
     /// Busy thread time of the phases, and wall-clock time.
@@ -95,7 +99,9 @@ impl Totals {
     pub fn add(&mut self, report: &IterationReport) {
         self.iterations += 1;
         self.rays += report.rays;
+        self.light_paths += report.light_paths;
         self.photons += report.photons as u64;
+        self.found_caustics |= report.found_caustics;
         self.non_finite += report.non_finite.len() as u64;
         self.times += report.times;
     }
@@ -104,7 +110,9 @@ impl Totals {
     pub fn join(&mut self, other: &Self) {
         self.iterations += other.iterations;
         self.rays += other.rays;
+        self.light_paths += other.light_paths;
         self.photons += other.photons;
+        self.found_caustics |= other.found_caustics;
         self.non_finite += other.non_finite;
         self.times += other.times;
     }

@@ -6,6 +6,7 @@ use super::candidates::SceneTraits;
 use super::compared_trials::disagrees;
 use super::model::{ENOUGH_FOUND, ImageScale, LARGEST_SCALE, Model};
 use super::revision::Revision;
+use super::seen_surfaces::footprint;
 use super::trial::Trial;
 use super::trial_runner::TrialRunner;
 use super::{End, FreeParameters, Penalties, Selection, Technique};
@@ -51,6 +52,9 @@ const LAST_TRIALS_PATIENCE: f64 = 1.5;
 /// the fit of both classes needs trials at different radii.
 const SMALLEST_SCALE: f32 = 0.5;
 
+/// Largest size of a scene, over the width that its image shows, that decides about radii.
+const SEEN_WIDTHS: f64 = 4.0;
+
 /// Share of the pilot's time for learning where light paths start.
 const LEARNING_SHARE: f64 = 0.2;
 
@@ -66,8 +70,11 @@ pub fn run(
     denoises: bool,
 ) -> Result<(Selection, Revision)> {
     let start = Instant::now();
-    let own = renderer.settings();
-    let settings = &Settings { bias: open.bias(own), ..own.clone() };
+    let own = with_seen_radii(renderer, open);
+    let scaled = (own != *renderer.settings()).then(|| renderer.with_settings(own.clone()));
+    let scaled = scaled.transpose()?;
+    let renderer = scaled.as_ref().unwrap_or(renderer);
+    let settings = &Settings { bias: open.bias(&own), ..own };
     let candidates = Technique::candidates(settings, open, SceneTraits::new(renderer, denoises));
     let [screening, large, last] = ROUNDS.map(|share| share * budget);
     let each = screening / candidates.len() as f64;
@@ -110,6 +117,28 @@ pub fn run(
     let selection =
         Selection { candidates, open, guide, seconds, revised, refuted, refuted_trials };
     Ok((selection, revision))
+}
+
+/// The settings of a renderer. Where radii are open, they are not larger than those of a scene of
+/// [`SEEN_WIDTHS`] times the width that the image shows: a large ground says nothing about the
+/// objects on it.
+fn with_seen_radii(renderer: &Renderer, open: FreeParameters) -> Settings {
+    let (scene, accel) = renderer.scene_and_accel();
+    let mut own = renderer.settings().clone();
+    if scene.meters().is_some() {
+        return own;
+    }
+    let [width, _] = own.full_resolution();
+    let footprint = footprint(scene, &**accel, &own);
+    let size = (SEEN_WIDTHS * ImageScale { width, footprint }.image_width()) as f32;
+    let factor = (size / scene.size()).min(1.0);
+    if open.radius {
+        own.radius *= factor;
+    }
+    if open.caustic_radius {
+        own.caustic_radius *= factor;
+    }
+    own
 }
 
 pub(super) struct Pilot<'a> {

@@ -137,7 +137,7 @@ impl<'a> TrialRunner<'a> {
             renderers: vec![renderer.sample(Settings { guide: 0, ..settings.clone() }, stride)?],
             growths: vec![CellGrowth::default()],
             stride,
-            guide: renderer.guide().cloned(),
+            guide: renderer.learned_guide(),
             per_path,
             light_paths: (paths as u32).min(max_light_paths),
             max_light_paths,

@@ -4,10 +4,10 @@
 use super::cluster::Cluster;
 use super::luminaire::{OpeningEmitter, PointLuminaire};
 use super::solid_angle::SphericalTriangle;
-use super::{Emission, LightSample, below_one};
+use super::{Emission, LightSample, below_one, distant_origin};
 use crate::base::math::{
     Bounds, Rgb, cosine_hemisphere, cosine_hemisphere_inverse, luminance, sin_cos_turns, turns,
-    uniform_disc, uniform_disc_inverse, uniform_sphere, uniform_sphere_inverse, uniform_triangle,
+    uniform_disc_inverse, uniform_sphere, uniform_sphere_inverse, uniform_triangle,
     uniform_triangle_inverse,
 };
 use crate::base::rng::Draw;
@@ -174,12 +174,9 @@ impl Directional {
         PI * self.radius * self.radius
     }
 
-    fn emit(&self, prob: f32, across: [f32; 2]) -> Emission {
-        let [u, v] = uniform_disc(across);
-        let (right, up) = self.direction.any_orthonormal_pair();
-        let across = u * right + v * up - self.direction;
+    fn emit(&self, prob: f32, across: [f64; 2]) -> Emission {
         Emission {
-            origin: self.center + self.radius * across,
+            origin: distant_origin(self.center, self.radius, -self.direction, across),
             direction: self.direction,
             flux: self.irradiance * (self.area() / prob),
         }
@@ -187,7 +184,7 @@ impl Directional {
 
     /// Inverse of [`Self::emit`]: the numbers that give the ray through `point`.
     fn emission_numbers(&self, point: Vec3) -> [f32; 2] {
-        let (right, up) = self.direction.any_orthonormal_pair();
+        let (right, up) = (-self.direction).any_orthonormal_pair();
         let across = (point - self.center) / self.radius;
         uniform_disc_inverse([right, up].map(|axis| axis.dot(across)))
     }
@@ -343,7 +340,7 @@ impl Emitter {
             },
             Self::Triangle { shape, radiance } => shape.emit(|_| *radiance, prob, numbers),
             Self::Spot(spot) => spot.emit(prob, [a, b]),
-            Self::Directional(light) => light.emit(prob, [a, b]),
+            Self::Directional(light) => light.emit(prob, [at[0], at[1]]),
             Self::Textured(panel) => panel.emit(prob, numbers),
             Self::Luminaire(lamp) => lamp.emit(prob, [at[0], at[1]]),
             Self::Opening(lamp) => lamp.emit(prob, at),

@@ -3,8 +3,8 @@
 mod sample;
 
 use super::cutpoints::{Cutpoints, Outcome, UNITS, interval_ends};
-use super::{Emission, below_one};
-use crate::base::math::{Bounds, Rgb, luminance, uniform_disc, uniform_disc_inverse};
+use super::{Emission, distant_origin};
+use crate::base::math::{Bounds, Rgb, luminance, uniform_disc_inverse};
 use glam::{DVec3, Vec3};
 use sample::EnvironmentSample;
 use serde::Serialize;
@@ -416,9 +416,7 @@ impl Environment {
     /// `prob`.
     pub(super) fn emit(&self, prob: f32, [a, b, c, d]: [f64; 4]) -> Emission {
         let EnvironmentSample { direction: toward, irradiance, .. } = self.sample([a, b]);
-        let [u, v] = uniform_disc([c, d].map(below_one));
-        let (right, up) = toward.any_orthonormal_pair();
-        let origin = self.center + self.radius * (u * right + v * up + toward);
+        let origin = distant_origin(self.center, self.radius, toward, [c, d]);
         Emission { origin, direction: -toward, flux: irradiance * (self.disc() / prob) }
     }
 

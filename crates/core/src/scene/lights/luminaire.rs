@@ -227,7 +227,11 @@ impl OpeningEmitter {
 
     /// Index of the triangle that a number of [0, 1) selects in proportion to `weight`, the place
     /// of the number in its interval, and its probability; `None` if all weights are 0.
-    fn choose(&self, weight: impl Fn(&Triangle) -> f32, u: f64) -> Option<(usize, f64, f32)> {
+    pub(super) fn choose(
+        &self,
+        weight: impl Fn(&Triangle) -> f32,
+        u: f64,
+    ) -> Option<(usize, f64, f32)> {
         let weights = || self.triangles.iter().map(&weight).map(f64::from);
         let total: f64 = weights().sum();
         let mut rest = u * total;

@@ -19,7 +19,7 @@ pub(crate) mod textured_emitter;
 mod tree;
 pub mod visibility;
 
-use crate::base::math::{Rgb, luminance};
+use crate::base::math::{Rgb, luminance, uniform_wide_disc};
 use crate::base::rng::Rng;
 use connect::ChosenLight;
 pub use connect::ConnectedLight;
@@ -51,6 +51,16 @@ pub type PrimarySample = [f64; 5];
 /// Independent numbers for a start.
 pub fn primary_sample(rng: &mut Rng) -> PrimarySample {
     [(); 5].map(|()| rng.next_f64())
+}
+
+/// Start of a light path from far away: a point of the disc around the scene that faces it. Single
+/// precision would place paths on a lattice that small objects on a large ground fall through.
+fn distant_origin(center: Vec3, radius: f32, toward: Vec3, numbers: [f64; 2]) -> Vec3 {
+    let [u, v] = uniform_wide_disc(numbers);
+    let (right, up) = toward.any_orthonormal_pair();
+    let [right, up, toward] = [right, up, toward].map(|axis| axis.as_dvec3());
+    let across = u * right + v * up + toward;
+    (center.as_dvec3() + f64::from(radius) * across).as_vec3()
 }
 
 /// A number of [0, 1) in single precision, still less than 1.

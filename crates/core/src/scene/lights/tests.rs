@@ -129,7 +129,8 @@ fn guided(mut lights: Lights) -> (Lights, Arc<Guide>) {
         let square = if place[0] < 0.4 || place[1] * place[2] > 0.7 { 9.0 } else { 0.5 };
         guide::GuideSample { start, square }
     };
-    let guide = Arc::new(Guide::learn(&(0..50_000).map(sample).collect::<Vec<_>>()));
+    let guide =
+        Arc::new(Guide::learn(&(0..50_000).map(sample).collect::<Vec<_>>(), &Guide::even()));
     assert!(guide.cell_count() > 10);
     lights.set_weighted_guide(Some(Arc::clone(&guide)));
     (lights, guide)

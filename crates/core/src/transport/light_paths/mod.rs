@@ -31,6 +31,7 @@ const BATCH: u32 = 1024;
 #[derive(Default)]
 pub struct LightPaths {
     batches: Vec<Batch>,
+    count: u64,
     tracers: Pool<Tracer>,
     /// Density of the starts of paths; without it they start in proportion to the lights' power.
     pub guide: Option<Arc<Guide>>,
@@ -57,9 +58,10 @@ impl LightPaths {
         iteration: u64,
     ) {
         let key = StreamKey::new(settings.seed, Stream::LightPath, iteration);
+        self.count = u64::from(light_paths);
         let count = light_paths.div_ceil(BATCH);
         self.batches.resize_with(count as usize, Batch::default);
-        let Self { batches, tracers, guide, areas, interrupt, unfindable_only } = self;
+        let Self { batches, tracers, guide, areas, interrupt, unfindable_only, .. } = self;
         let unfindable_only = *unfindable_only;
         let (guide, areas) = (guide.as_deref(), areas.as_deref());
         let sets = StreamKey::new(settings.seed, Stream::LightPathSet, iteration);
@@ -106,6 +108,11 @@ impl LightPaths {
     /// Bounds and number of all photons.
     pub fn extent(&self) -> Extent {
         self.batches.iter().map(|batch| batch.extent).fold(Extent::default(), Extent::and)
+    }
+
+    /// Number of light paths that were started.
+    pub fn count(&self) -> u64 {
+        self.count
     }
 
     /// Number of photons.

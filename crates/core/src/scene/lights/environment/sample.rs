@@ -10,7 +10,7 @@ use glam::Vec3;
 
 /// A direction that was drawn in proportion to the luminance.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct EnvironmentSample {
+pub(in crate::scene::lights) struct EnvironmentSample {
     /// Unit vector toward the environment.
     pub direction: Vec3,
     /// Radiance from there over the density, W/m^2.
@@ -35,7 +35,7 @@ struct Draft {
 impl Environment {
     /// A direction in proportion to the luminance, from two uniform numbers: latitude and longitude
     /// increase with them. theory.md (15).
-    pub(super) fn sample(&self, numbers: [f64; 2]) -> EnvironmentSample {
+    pub(in crate::scene::lights) fn sample(&self, numbers: [f64; 2]) -> EnvironmentSample {
         self.finish(&self.draft(numbers))
     }
 

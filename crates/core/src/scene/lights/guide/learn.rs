@@ -24,9 +24,9 @@ pub struct GuideSample {
 /// Maximum number of cells.
 const MOST_CELLS: usize = 4096;
 
-/// Share of the light paths that starts evenly, so that none is missed: contributions that were not
-/// learned have at most the reciprocal times the unguided noise.
-const EVEN_SHARE: f64 = 0.2;
+/// Share of the light paths that starts as before learning, so that none is missed: contributions
+/// that were not learned have at most the reciprocal times the noise.
+const BASE_SHARE: f64 = 0.2;
 
 /// Number of parts along a side whose masses decide about a cut: halves alone would miss a peak in
 /// the middle.
@@ -52,6 +52,8 @@ struct SplittableCell {
     moments: Range<usize>,
     /// Its node in the tree of cells.
     node: u32,
+    /// Density before anything was learned.
+    base: f64,
     mass: f64,
     /// Gain of cutting the cell, and the side to cut.
     gain: f64,
@@ -60,40 +62,56 @@ struct SplittableCell {
 
 impl Guide {
     /// Learns the guide that minimizes the second moment of contributions; paths that contribute
-    /// nothing may be left out of `samples`. theory.md (40b).
-    pub fn learn(samples: &[GuideSample]) -> Self {
+    /// nothing may be left out of `samples`. A share of the light paths starts with the density
+    /// `base`. theory.md (40b).
+    pub fn learn(samples: &[GuideSample], base: &Self) -> Self {
         let moment = |GuideSample { start, square }: &GuideSample| Moment {
             place: start.place,
             mass: square * start.density,
         };
         let moments = samples.iter().map(moment);
         let mut moments: Vec<_> = moments.filter(|moment| moment.mass > 0.0).collect();
-        let (cells, nodes) = cut(&mut moments);
+        let (cells, nodes) = cut(&mut moments, base);
         let root = |open: &SplittableCell| (open.mass * open.cell.volume()).sqrt();
         let sum: f64 = cells.iter().map(root).sum();
         let with_density = |open: &SplittableCell| {
             let share = if sum > 0.0 { root(open) / sum } else { open.cell.volume() };
-            let density = EVEN_SHARE + (1.0 - EVEN_SHARE) * share / open.cell.volume();
+            let learned = share / open.cell.volume();
+            let density = BASE_SHARE * open.base + (1.0 - BASE_SHARE) * learned;
             Cell { density, ..open.cell }
         };
         let dense: Vec<Cell> = cells.iter().map(with_density).collect();
-        let (mut own, mut even) = (0.0, 0.0);
+        let (mut own, mut before) = (0.0, 0.0);
         for (open, cell) in cells.iter().zip(&dense) {
             own += open.mass / cell.density;
-            even += open.mass;
+            before += open.mass / open.base;
         }
-        Self::of_cells(dense, nodes, if even > 0.0 { own / even } else { 1.0 })
+        Self::of_cells(dense, nodes, if before > 0.0 { own / before } else { 1.0 })
     }
 }
 
-/// Cuts the cube, the cell of the highest gain first. Also returns the tree of the cells.
-fn cut(moments: &mut [Moment]) -> (Vec<SplittableCell>, Vec<Node>) {
-    let whole = SplittableCell::new(Cell::ALL, 0..moments.len(), 0, moments);
-    let mut nodes = vec![Node::Leaf(0)];
-    let least = LEAST_GAIN * whole.mass.sqrt();
-    let (mut heap, mut done) = (BinaryHeap::from([whole]), Vec::new());
+/// Cuts the cells of `base`, the cell of the highest gain first. Also returns the tree of the cells.
+fn cut(moments: &mut [Moment], base: &Guide) -> (Vec<SplittableCell>, Vec<Node>) {
+    moments.sort_by_cached_key(|moment| base.cell_of(&moment.place));
+    let mut node_of = vec![0; base.cells.len()];
+    for (node, own) in (0..).zip(&base.nodes) {
+        if let Node::Leaf(cell) = own {
+            node_of[*cell as usize] = node;
+        }
+    }
+    let (mut heap, mut begin) = (BinaryHeap::new(), 0);
+    for (index, (cell, node)) in base.cells.iter().zip(node_of).enumerate() {
+        let is_inside = |moment: &Moment| base.cell_of(&moment.place) == index;
+        let count = moments[begin..].iter().take_while(|moment| is_inside(moment)).count();
+        let range = begin..begin + count;
+        heap.push(SplittableCell::new((*cell, cell.density), range, node, moments));
+        begin += count;
+    }
+    let mut nodes = base.nodes.clone();
+    let least = LEAST_GAIN * moments.iter().map(|moment| moment.mass).sum::<f64>().sqrt();
+    let mut done = Vec::new();
     while let Some(open) = heap.pop() {
-        if open.gain <= least || heap.len() + done.len() + 2 > MOST_CELLS {
+        if open.gain <= least || heap.len() + done.len() + 2 > MOST_CELLS + base.cells.len() {
             done.push(open);
         } else {
             let (node, below) = (open.node as usize, nodes.len() as u32);
@@ -111,7 +129,8 @@ fn cut(moments: &mut [Moment]) -> (Vec<SplittableCell>, Vec<Node>) {
 }
 
 impl SplittableCell {
-    fn new(cell: Cell, range: Range<usize>, node: u32, moments: &[Moment]) -> Self {
+    /// A cell and its density before learning.
+    fn new((cell, base): (Cell, f64), range: Range<usize>, node: u32, moments: &[Moment]) -> Self {
         let own = &moments[range.clone()];
         let (mut mass, mut square, mut parts) = (0.0, 0.0, [[0.0; PARTS]; 5]);
         for moment in own {
@@ -138,12 +157,12 @@ impl SplittableCell {
         if gain < CERTAINTY * by_chance {
             gain = 0.0;
         }
-        Self { cell, moments: range, node, mass, gain, side }
+        Self { cell, moments: range, node, base, mass, gain, side }
     }
 
     /// The halves, whose nodes are `below` and `below + 1`.
     fn halves(self, below: u32, moments: &mut [Moment]) -> [Self; 2] {
-        let Self { cell, moments: range, side, .. } = self;
+        let Self { cell, moments: range, base, side, .. } = self;
         let mut size = cell.size;
         size[side] *= 0.5;
         let middle = cell.low[side] + size[side];
@@ -156,8 +175,9 @@ impl SplittableCell {
         }
         let mut low = cell.low;
         low[side] = middle;
-        let lower = Self::new(Cell { size, ..cell }, range.start..first, below, moments);
-        [lower, Self::new(Cell { low, size, ..cell }, first..range.end, below + 1, moments)]
+        let [lower, upper] = [cell.low, low].map(|low| (Cell { low, size, ..cell }, base));
+        let lower = Self::new(lower, range.start..first, below, moments);
+        [lower, Self::new(upper, first..range.end, below + 1, moments)]
     }
 }
 

@@ -5,6 +5,7 @@
 //! densities from the contributions of earlier light paths. Flux is divided by the density, so that
 //! no guide changes the mean. theory.md, section 10a.
 
+mod aim;
 mod learn;
 
 use super::{Emission, Lights, PrimarySample};
@@ -97,6 +98,24 @@ impl Guide {
     /// estimate from the samples that the guide was learned from, hence lower than the true ratio.
     pub fn expected(&self) -> f64 {
         self.expected
+    }
+
+    /// Index of the cell that holds a point.
+    fn cell_of(&self, place: &PrimarySample) -> usize {
+        let mut node = 0;
+        loop {
+            match self.nodes[node as usize] {
+                Node::Leaf(cell) => return cell as usize,
+                Node::Split { side, middle, below, .. } => {
+                    node = below + u32::from(place[usize::from(side)] >= middle);
+                }
+            }
+        }
+    }
+
+    /// Density of starts at a point, relative to an unguided start.
+    pub fn density(&self, place: &PrimarySample) -> f64 {
+        self.cells[self.cell_of(place)].density
     }
 
     /// Number of cells.
@@ -228,7 +247,7 @@ mod tests {
 
     #[test]
     fn guided_starts_have_their_reported_density() {
-        let guide = Guide::learn(&samples(&Guide::even(), 0, 100_000));
+        let guide = Guide::learn(&samples(&Guide::even(), 0, 100_000), &Guide::even());
         assert!(guide.cell_count() > 20, "{}", guide.cell_count());
         let mut rng = StreamKey::new(9, Stream::Test, 1).rng(0);
         let starts: Vec<GuidedStart> =
@@ -250,7 +269,7 @@ mod tests {
 
     #[test]
     fn mean_density_of_a_box_is_that_of_its_points() {
-        let guide = Guide::learn(&samples(&Guide::even(), 7, 100_000));
+        let guide = Guide::learn(&samples(&Guide::even(), 7, 100_000), &Guide::even());
         let mut rng = StreamKey::new(9, Stream::Test, 8).rng(0);
         for _ in 0..20 {
             // A point on some sides, an interval on others
@@ -274,9 +293,9 @@ mod tests {
     #[test]
     fn learned_guide_comes_near_the_minimum_second_moment() {
         let even = Guide::even();
-        let first = Guide::learn(&samples(&even, 2, 20_000));
+        let first = Guide::learn(&samples(&even, 2, 20_000), &even);
         let both = [samples(&even, 2, 20_000), samples(&first, 3, 60_000)].concat();
-        let guide = Guide::learn(&both);
+        let guide = Guide::learn(&both, &even);
         let moment = |guide: &Guide, index| {
             mean(samples(guide, index, 200_000).iter().map(|sample| sample.square))
         };
@@ -300,11 +319,11 @@ mod tests {
         for (index, sample) in some.iter_mut().enumerate() {
             sample.square = if index % 500 == 3 { 1000.0 } else { 1.0 };
         }
-        assert_eq!(Guide::learn(&some).cell_count(), 1);
-        assert_eq!(Guide::learn(&[]).cell_count(), 1);
+        assert_eq!(Guide::learn(&some, &even).cell_count(), 1);
+        assert_eq!(Guide::learn(&[], &even).cell_count(), 1);
         // Equal values of a few hundred paths.
         some.truncate(400);
         some.iter_mut().for_each(|sample| sample.square = 1.0);
-        assert!(Guide::learn(&some).cells.iter().all(|c| (0.5..2.0).contains(&c.density)));
+        assert!(Guide::learn(&some, &even).cells.iter().all(|c| (0.5..2.0).contains(&c.density)));
     }
 }

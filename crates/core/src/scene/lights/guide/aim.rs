@@ -1,0 +1,488 @@
+//! The guide of a scene before anything is learned: a share of the light paths starts toward the
+//! surfaces that cast caustics. On a large ground, no other path of a short render would meet a
+//! gem of glass. theory.md (40f)
+
+use super::{Cell, Guide, Node};
+use crate::base::math::{Bounds, luminance, uniform_disc, uniform_triangle};
+use crate::scene::lights::{Emitter, Lights, PrimarySample, below_one};
+use crate::scene::{Scene, Triangle};
+use glam::Vec3;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+/// Share of the light paths that is aimed. The noise of all other light grows by its reciprocal's
+/// complement, 25 %; the guide that is learned changes it.
+const AIMED_SHARE: f64 = 0.2;
+
+/// Radius of the ball of aimed rays, over that of the ball around a group of casters: no cell that
+/// a caster's edge shares with its surroundings is left unaimed.
+const MARGIN: f32 = 1.2;
+
+/// Rays toward each group of casters from each light.
+const RAYS: usize = 4096;
+
+/// Rays that estimate the flux toward a group.
+const FLUX_RAYS: usize = 16;
+
+/// Maximum number of pairs of a light and a group of casters; those that receive the most flux.
+const MOST_PAIRS: usize = 32;
+
+/// Minimum number of rays in a cell: fewer say little about its density.
+const LEAST_RAYS: usize = 24;
+
+/// Cells per pair of a light and a group.
+const CELLS_PER_PAIR: usize = 96;
+
+/// Minimum gain of a division, in nats over all rays.
+const LEAST_GAIN: f64 = 2e-3;
+
+/// Room beyond the outermost rays of a cell, over their extent.
+const ROOM: f64 = 0.03;
+
+/// The aimed rays must be this much denser than unguided ones somewhere, or no aim is needed.
+const WORTHWHILE: f64 = 16.0;
+
+/// An aimed ray.
+#[derive(Clone, Copy, Debug)]
+struct AimedRay {
+    /// Numbers that start it.
+    place: PrimarySample,
+    /// Its share of all aimed rays.
+    share: f64,
+}
+
+/// A cell of the numbers, its rays, and its best division.
+struct Division {
+    cell: Cell,
+    rays: Vec<AimedRay>,
+    share: f64,
+    node: u32,
+    gain: f64,
+    side: usize,
+    middle: f64,
+}
+
+impl Guide {
+    /// Aims a share of the light paths of a scene at its casters. `None` if there are none, or if
+    /// light paths meet them often by themselves.
+    pub fn aimed(scene: &Scene) -> Option<Self> {
+        let lights = scene.lights();
+        let rays = aimed_rays(lights, &scene.caustic_casters());
+        if rays.is_empty() {
+            return None;
+        }
+        let pairs = rays.len().div_ceil(RAYS);
+        let (divisions, nodes) = divide(rays, pairs * CELLS_PER_PAIR);
+        let aimed = |own: &Division| own.share / own.cell.volume();
+        if divisions.iter().map(aimed).fold(0.0, f64::max) < WORTHWHILE {
+            return None;
+        }
+        let with_density = |own: &Division| {
+            let density = 1.0 - AIMED_SHARE + AIMED_SHARE * aimed(own);
+            Cell { density, ..own.cell }
+        };
+        Some(Self::of_cells(divisions.iter().map(with_density).collect(), nodes, 1.0))
+    }
+}
+
+/// Number `index` of a sequence that fills the unit cube of five numbers evenly: multiples of
+/// powers of the root of `x^6 = x + 1`, modulo 1.
+fn even_numbers(index: usize) -> PrimarySample {
+    const ROOT: f64 = 1.134_724_138_401_519_4;
+    std::array::from_fn(|side| (0.5 + index as f64 * ROOT.powi(-(side as i32) - 1)).fract())
+}
+
+/// Rays from all lights to the balls around groups of casters.
+fn aimed_rays(lights: &Lights, casters: &[Bounds]) -> Vec<AimedRay> {
+    let count = lights.emitters().len() + usize::from(lights.has_environment());
+    let mut pairs = Vec::new();
+    for light in 0..count {
+        for caster in casters {
+            let ball = Ball::around(caster);
+            let flux = lights.flux_to(light, &ball);
+            if flux > 0.0 && flux.is_finite() {
+                pairs.push((flux, light, ball));
+            }
+        }
+    }
+    pairs.sort_by(|one, other| other.0.total_cmp(&one.0));
+    pairs.truncate(MOST_PAIRS);
+    // The best density of starts is in proportion to the root of what they contribute.
+    let total: f64 = pairs.iter().map(|(flux, ..)| flux.sqrt()).sum();
+    let mut all = Vec::with_capacity(pairs.len() * RAYS);
+    for (flux, light, ball) in pairs {
+        let place = |index: usize| {
+            let numbers = even_numbers(index);
+            let ray = lights.aimed_ray(light, &ball, numbers)?;
+            Some(lights.numbers_of(light, &ray, numbers))
+        };
+        let first = all.len();
+        all.extend((0..RAYS).filter_map(place).map(|place| AimedRay { place, share: 0.0 }));
+        let share = flux.sqrt() / total / (all.len() - first).max(1) as f64;
+        all[first..].iter_mut().for_each(|ray| ray.share = share);
+    }
+    all
+}
+
+/// A ray from a light to a ball around casters.
+#[derive(Clone, Copy, Debug)]
+struct Ray {
+    origin: Vec3,
+    direction: Vec3,
+    /// Point of the ball that it meets.
+    target: Vec3,
+}
+
+/// A ball around a group of casters.
+#[derive(Clone, Copy, Debug)]
+struct Ball {
+    center: Vec3,
+    radius: f32,
+}
+
+impl Ball {
+    fn around(caster: &Bounds) -> Self {
+        Self { center: caster.center(), radius: MARGIN * caster.enclosing_radius() }
+    }
+
+    /// Point of the disc across a unit direction, whose radius is that of the ball times `scale`.
+    fn across(&self, direction: Vec3, scale: f32, numbers: [f64; 2]) -> Vec3 {
+        let [x, y] = uniform_disc(numbers.map(below_one));
+        let (right, up) = direction.any_orthonormal_pair();
+        self.center + scale * self.radius * (x * right + y * up)
+    }
+
+    /// The ray from a point to one of the ball; `None` from inside, where every ray meets it.
+    fn from_point(&self, origin: Vec3, numbers: [f64; 2]) -> Option<Ray> {
+        let away = self.center - origin;
+        let (distance2, radius2) = (away.length_squared(), self.radius * self.radius);
+        // The cone of the tangents meets the disc in a circle of this radius.
+        let scale = (distance2 / (distance2 - radius2)).sqrt();
+        let target = self.across(away.normalize_or_zero(), scale, numbers);
+        let direction = (target - origin).normalize_or_zero();
+        (distance2 > radius2).then_some(Ray { origin, direction, target })
+    }
+}
+
+impl Emitter {
+    /// A ray of the light to a ball; `None` if it does not emit along that ray.
+    fn aimed_ray(&self, ball: &Ball, [u, v, a, b, _]: PrimarySample) -> Option<Ray> {
+        let from_triangle = |shape: &Triangle, numbers: [f64; 2]| {
+            let ray =
+                ball.from_point(shape.point(uniform_triangle(numbers.map(below_one))), [u, v]);
+            ray.filter(|ray| ray.direction.dot(shape.normal) > 0.0)
+        };
+        match self {
+            Self::Directional(light) => {
+                let direction = light.direction;
+                let target = ball.across(direction, 1.0, [u, v]);
+                Some(Ray { origin: target, direction, target })
+            }
+            Self::Triangle { shape, .. } => from_triangle(shape, [a, b]),
+            Self::Textured(panel) => from_triangle(&panel.shape, [a, b]),
+            Self::Opening(lamp) => {
+                let (index, rest, _) = lamp.choose(Triangle::area, a)?;
+                from_triangle(&lamp.triangles()[index], [rest, b])
+            }
+            Self::Point { position, .. } => ball.from_point(*position, [u, v]),
+            Self::Luminaire(lamp) => ball.from_point(lamp.position, [u, v]),
+            Self::Spot(spot) => ball.from_point(spot.position, [u, v]),
+        }
+        .filter(|ray| self.irradiance(ray.origin, ray.direction, ray.target) > 0.0)
+    }
+}
+
+impl Lights {
+    /// A ray of a light to a ball; `None` if it does not emit along that ray.
+    fn aimed_ray(&self, light: usize, ball: &Ball, numbers: PrimarySample) -> Option<Ray> {
+        match self.emitters().get(light) {
+            Some(emitter) => emitter.aimed_ray(ball, numbers),
+            None => {
+                let [u, v, a, b, _] = numbers;
+                let toward = self.chosen_environment().sample([a, b]).direction;
+                let target = ball.across(toward, 1.0, [u, v]);
+                Some(Ray { origin: target, direction: -toward, target })
+            }
+        }
+    }
+
+    /// Estimate of the flux from a light to a ball, W. It only shares out aimed paths.
+    fn flux_to(&self, light: usize, ball: &Ball) -> f64 {
+        let disc = std::f32::consts::PI * ball.radius * ball.radius;
+        let irradiance = |number: usize| {
+            let Some(ray) = self.aimed_ray(light, ball, even_numbers(number)) else { return 0.0 };
+            match self.emitters().get(light) {
+                Some(emitter) => emitter.irradiance(ray.origin, ray.direction, ray.target),
+                None => luminance(self.chosen_environment().integral()),
+            }
+        };
+        let sum: f32 = (0..FLUX_RAYS).map(irradiance).sum();
+        f64::from(sum / FLUX_RAYS as f32 * disc)
+    }
+
+    /// The numbers that start an aimed light path.
+    fn numbers_of(&self, light: usize, ray: &Ray, numbers: PrimarySample) -> PrimarySample {
+        let [u, v, a, b, choice] = numbers;
+        let own = match self.emitters().get(light) {
+            Some(emitter) => emitter.emission_numbers(ray.origin, ray.direction),
+            None => self.chosen_environment().emission_numbers(ray.origin, ray.direction).map(Some),
+        };
+        let [from, to] = self.by_power.interval(light);
+        let mut place = [from + (to - from) * choice, u, v, a, b];
+        for (number, own) in place[1..].iter_mut().zip(own) {
+            *number = own.unwrap_or(*number).clamp(0.0, 1.0f64.next_down());
+        }
+        place
+    }
+}
+
+/// Divides the cube so that the rays are dense in few cells. Also returns the tree of the cells.
+fn divide(rays: Vec<AimedRay>, most: usize) -> (Vec<Division>, Vec<Node>) {
+    let mut nodes = vec![Node::Leaf(0)];
+    let mut heap = BinaryHeap::from([Division::new(Cell::ALL, rays, 0)]);
+    let mut done = Vec::new();
+    while let Some(open) = heap.pop() {
+        if open.gain < LEAST_GAIN || heap.len() + done.len() + 2 > most {
+            done.push(open);
+            continue;
+        }
+        let below = nodes.len() as u32;
+        let Division { side, middle, node, .. } = open;
+        nodes[node as usize] = Node::Split { side: side as u8, middle, below, share: 0.5 };
+        nodes.extend([Node::Leaf(0); 2]);
+        heap.extend(open.halves(below));
+    }
+    for (cell, open) in (0..).zip(&done) {
+        nodes[open.node as usize] = Node::Leaf(cell);
+    }
+    (done, nodes)
+}
+
+/// The extent of rays along a side, with room, within a cell.
+fn extent(rays: &[AimedRay], cell: &Cell, side: usize) -> [f64; 2] {
+    let numbers = rays.iter().map(|ray| ray.place[side]);
+    let low = numbers.clone().fold(f64::INFINITY, f64::min);
+    let high = numbers.fold(f64::NEG_INFINITY, f64::max);
+    let room = ROOM * (high - low) + 1e-9;
+    let end = cell.low[side] + cell.size[side];
+    [(low - room).max(cell.low[side]), (high + room).min(end)]
+}
+
+impl Division {
+    fn new(cell: Cell, rays: Vec<AimedRay>, node: u32) -> Self {
+        let share = rays.iter().map(|ray| ray.share).sum();
+        let mut own = Self { cell, rays, share, node, gain: 0.0, side: 0, middle: 0.0 };
+        if own.rays.len() < LEAST_RAYS {
+            return own;
+        }
+        for side in 0..5 {
+            let [low, high] = extent(&own.rays, &own.cell, side);
+            let (begin, size) = (own.cell.low[side], own.cell.size[side]);
+            // Cuts off what no ray meets on either end.
+            let kept = [(low, begin + size - low), (high, high - begin)];
+            for (middle, kept) in kept {
+                own.consider(own.share * (size / kept).ln(), side, middle);
+            }
+            let middle = 0.5 * (low + high);
+            own.consider(own.gain_of_halves(side, middle), side, middle);
+        }
+        own
+    }
+
+    fn consider(&mut self, gain: f64, side: usize, middle: f64) {
+        let (begin, end) = (self.cell.low[side], self.cell.low[side] + self.cell.size[side]);
+        if gain > self.gain && middle > begin && middle < end {
+            (self.gain, self.side, self.middle) = (gain, side, middle);
+        }
+    }
+
+    /// Information that the extents of both halves of the rays add, in nats. What a half alone
+    /// could cut off counts: projections of a ball move with the direction.
+    fn gain_of_halves(&self, side: usize, middle: f64) -> f64 {
+        let (below, above): (Vec<AimedRay>, Vec<AimedRay>) =
+            self.rays.iter().partition(|ray| ray.place[side] < middle);
+        if below.len().min(above.len()) < LEAST_RAYS {
+            return 0.0;
+        }
+        let volume = |rays: &[AimedRay]| {
+            (0..5)
+                .map(|side| {
+                    let [low, high] = extent(rays, &self.cell, side);
+                    (high - low) / self.cell.size[side]
+                })
+                .product::<f64>()
+        };
+        let all = volume(&self.rays);
+        let gain = |rays: &[AimedRay]| {
+            let share: f64 = rays.iter().map(|ray| ray.share).sum();
+            share * (share * all / (self.share * volume(rays))).ln()
+        };
+        gain(&below) + gain(&above)
+    }
+
+    /// The parts below and above the middle, whose nodes are `below` and `below + 1`.
+    fn halves(self, below: u32) -> [Self; 2] {
+        let Self { cell, rays, side, middle, .. } = self;
+        let (lower, upper) = rays.into_iter().partition(|ray| ray.place[side] < middle);
+        let mut cells = [cell; 2];
+        cells[0].size[side] = middle - cell.low[side];
+        cells[1].size[side] = cell.low[side] + cell.size[side] - middle;
+        cells[1].low[side] = middle;
+        [Self::new(cells[0], lower, below), Self::new(cells[1], upper, below + 1)]
+    }
+}
+
+impl Ord for Division {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.gain.total_cmp(&other.gain)
+    }
+}
+
+impl PartialOrd for Division {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Division {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Division {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::rng::{Stream, StreamKey};
+    use crate::scene::bsdf::{Bsdf, Dielectric};
+    use crate::scene::lights::primary_sample;
+    use crate::scene::{Camera, Directional, Environment, FieldOfView, Material, Mesh, Spot};
+
+    /// A cube of glass on a ground of this half side.
+    fn cube_on_ground(half: f32, lights: Vec<Emitter>, sky: Option<f32>) -> Scene {
+        let corner = |i: u32| {
+            let [x, y, z] = [i & 1, i >> 1 & 1, i >> 2].map(|bit| bit as f32 - 0.5);
+            Vec3::new(3.0 + x, 1.0 + y, z - 2.0)
+        };
+        let cube = Mesh {
+            positions: (0..8).map(corner).collect(),
+            triangles: vec![[0, 1, 2], [5, 4, 7], [0, 4, 1], [2, 3, 6], [0, 2, 4], [1, 5, 3]],
+            ..Mesh::default()
+        };
+        let place = |x: f32, z: f32| Vec3::new(half * x, 0.0, half * z);
+        let ground = Mesh {
+            positions: vec![place(-1.0, -1.0), place(-1.0, 1.0), place(1.0, 1.0), place(1.0, -1.0)],
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            material: 1,
+            ..Mesh::default()
+        };
+        let materials = vec![
+            Material::new("glass", Bsdf::Dielectric(Dielectric::new(1.5))),
+            Material::new("ground", Bsdf::diffuse(Vec3::splat(0.5))),
+        ];
+        let camera = Camera::look(Vec3::Y, Vec3::ZERO, Vec3::Z, FieldOfView::X(60.0)).unwrap();
+        let meshes = vec![cube, ground];
+        let scene = Scene::new("cube".into(), meshes, materials, lights, camera, vec![]).unwrap();
+        let map = sky.map(|radiance| Environment::new(2, 1, vec![Vec3::splat(radiance); 2], 0.0));
+        scene.with_environment(map)
+    }
+
+    fn sun() -> Emitter {
+        Emitter::Directional(Directional::new(Vec3::new(0.6, -0.8, 0.0), Vec3::splat(3.0)))
+    }
+
+    fn spot() -> Emitter {
+        let position = Vec3::new(0.0, 60.0, 0.0);
+        let direction = Vec3::new(0.05, -1.0, 0.0).normalize();
+        let intensity = Vec3::splat(2e5);
+        Emitter::Spot(Spot { position, direction, intensity, cos_inner: 0.9, cos_outer: 0.8 })
+    }
+
+    fn lamp() -> Emitter {
+        let corners =
+            [Vec3::new(9.0, 40.0, 0.0), Vec3::new(9.0, 40.0, 1.0), Vec3::new(8.0, 40.0, 0.0)];
+        let shape = crate::scene::Triangle::new(corners, 0).flipped();
+        Emitter::Triangle { shape, radiance: Vec3::splat(1e5) }
+    }
+
+    /// Share of the light paths that meet the ball around the cube, and the mean flux that they
+    /// carry to it, with its standard error.
+    fn share_and_flux(scene: &Scene, guide: &Guide, paths: u32) -> (f64, [f64; 2]) {
+        let ball = Ball { center: Vec3::new(3.0, 1.0, -2.0), radius: 0.75f32.sqrt() };
+        let mut rng = StreamKey::new(3, Stream::Test, 0).rng(0);
+        let (mut met, mut sum, mut squares) = (0.0, 0.0, 0.0);
+        for _ in 0..paths {
+            let (_, emission) = scene.lights().emit_guided(guide, primary_sample(&mut rng));
+            let away = ball.center - emission.origin;
+            let along = away.dot(emission.direction);
+            let off = (away - along * emission.direction).length();
+            if along > 0.0 && off < ball.radius {
+                let flux = f64::from(luminance(emission.flux));
+                met += 1.0;
+                sum += flux;
+                squares += flux * flux;
+            }
+        }
+        let n = f64::from(paths);
+        let mean = sum / n;
+        (met / n, [mean, ((squares / n - mean * mean) / n).sqrt()])
+    }
+
+    #[test]
+    fn aimed_paths_meet_small_casters_and_carry_their_flux() {
+        let kinds = [
+            ("sun", vec![sun()], None),
+            ("sky", vec![], Some(0.4)),
+            ("sun and sky", vec![sun()], Some(0.4)),
+            ("spot", vec![spot()], None),
+            ("lamp", vec![lamp()], None),
+            ("all", vec![sun(), spot(), lamp()], Some(0.4)),
+        ];
+        for (name, lights, sky) in kinds {
+            let small = cube_on_ground(30.0, lights.clone(), sky);
+            // The true flux, by many paths that are not aimed.
+            let (even, expected) = share_and_flux(&small, &Guide::even(), 4_000_000);
+            let guide = Guide::aimed(&small).unwrap_or_else(|| panic!("{name}"));
+            let (share, flux) = share_and_flux(&small, &guide, 100_000);
+            // Two thirds of the larger ball are outside of the ball.
+            assert!(share > 0.3 * AIMED_SHARE && share > 4.0 * even, "{name}: {share} {even}");
+            let error = flux[1].hypot(expected[1]);
+            assert!((flux[0] - expected[0]).abs() < 4.0 * error, "{name}: {flux:?} {expected:?}");
+            assert!(flux[1] < 0.02 * flux[0], "{name}: {flux:?}");
+        }
+    }
+
+    /// The noise of the flux to the cube hardly depends on the size of the ground.
+    #[test]
+    fn aim_does_not_depend_on_the_size_of_the_ground() {
+        let noise = |half: f32| {
+            let scene = cube_on_ground(half, vec![sun()], None);
+            let guide = Guide::aimed(&scene).unwrap();
+            let (_, [mean, error]) = share_and_flux(&scene, &guide, 100_000);
+            (mean, error)
+        };
+        let [small, large, huge] = [30.0, 3000.0, 1e5].map(noise);
+        for (mean, error) in [large, huge] {
+            assert!((mean - small.0).abs() < 4.0 * error.hypot(small.1), "{mean} {small:?}");
+            assert!(error < 1.1 * small.1, "{error} {small:?}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_aimed_without_casters_or_where_all_light_meets_them() {
+        let scene = cube_on_ground(1.0, vec![sun()], None);
+        assert!(Guide::aimed(&scene).is_none(), "a third of the light meets the cube");
+        let point = Emitter::Point { position: Vec3::new(3.0, 1.0, -2.0), intensity: Vec3::ONE };
+        let scene = cube_on_ground(3000.0, vec![point], None);
+        assert!(Guide::aimed(&scene).is_none(), "the light is inside of the cube");
+        let scene = cube_on_ground(3000.0, vec![sun()], None);
+        assert!(Guide::aimed(&scene).is_some());
+        let only = scene.copies().split_off(1);
+        let camera = scene.camera;
+        let materials = scene.materials().to_vec();
+        let bare = Scene::new("bare".into(), only, materials, vec![sun()], camera, vec![]).unwrap();
+        assert!(Guide::aimed(&bare).is_none(), "there is no caster");
+    }
+}
