@@ -249,18 +249,19 @@ pub fn cosine_hemisphere_inverse(n: Vec3, direction: Vec3) -> [f32; 2] {
     [x * x + y * y, turns(x, y)]
 }
 
-/// Inverse of [`uniform_disc`]: the numbers that give a point.
-pub fn uniform_disc_inverse([x, y]: [f32; 2]) -> [f32; 2] {
+/// Inverse of [`uniform_wide_disc`]: the numbers that give a point.
+pub fn uniform_disc_inverse([x, y]: [f64; 2]) -> [f64; 2] {
     let radius = x.hypot(y);
     if radius == 0.0 {
         return [0.5; 2];
     }
+    let angle = |across: f64, along: f64| (across / along).atan() / std::f64::consts::FRAC_PI_4;
     let [x, y] = if x.abs() > y.abs() {
         let r = radius.copysign(x);
-        [r, r * (y / x).atan() / FRAC_PI_4]
+        [r, r * angle(y, x)]
     } else {
         let r = radius.copysign(y);
-        [r * (x / y).atan() / FRAC_PI_4, r]
+        [r * angle(x, y), r]
     };
     [0.5 * (x + 1.0), 0.5 * (y + 1.0)]
 }
@@ -330,7 +331,6 @@ mod tests {
             let found = [
                 uniform_sphere_inverse(uniform_sphere(u)),
                 cosine_hemisphere_inverse(n, cosine_hemisphere(n, u)),
-                uniform_disc_inverse(uniform_disc(u)),
                 uniform_triangle_inverse(uniform_triangle(u)),
             ];
             for (mapping, found) in found.into_iter().enumerate() {
@@ -340,8 +340,22 @@ mod tests {
                 assert!(off[0] < 2e-5 && (off[1] < 2e-4 || is_near), "{mapping}: {u:?} {found:?}");
             }
         }
-        assert_eq!(uniform_disc_inverse([0.0; 2]), [0.5; 2]);
         assert_eq!(uniform_triangle_inverse([0.0; 2]), [0.0, 0.5]);
+    }
+
+    #[test]
+    fn wide_discs_are_those_of_single_precision_with_more_digits() {
+        let mut rng = StreamKey::new(8, Stream::Test, 1).rng(0);
+        for _ in 0..20_000 {
+            let u = rng.next_2d();
+            let exact = uniform_wide_disc(u.map(f64::from));
+            let single = uniform_disc(u).map(f64::from);
+            assert!((0..2).all(|i| (exact[i] - single[i]).abs() < 1e-6), "{u:?}");
+            let found = uniform_disc_inverse(exact);
+            assert!((0..2).all(|i| (found[i] - f64::from(u[i])).abs() < 1e-14), "{u:?} {found:?}");
+        }
+        assert_eq!(uniform_disc_inverse([0.0; 2]), [0.5; 2]);
+        assert_eq!(uniform_wide_disc([0.5; 2]), [0.0; 2]);
     }
 
     #[test]

@@ -8,13 +8,13 @@ use glam::Vec3;
 const MOST_GROUPS: usize = 16;
 
 /// Maximum number of boxes that are grouped; each holds consecutive triangles of a placement.
-const MOST_BOXES: usize = 1 << 16;
+const MOST_BOXES: usize = 1 << 13;
 
-/// A group is divided if this lowers the area of its boxes at least by this factor.
-const WORTHWHILE: f32 = 0.7;
+/// A group is divided if this saves at least this share of the area of its box.
+const LEAST_SAVED: f32 = 0.3;
 
-/// Number of positions along each axis at which a group may be divided.
-const BINS: usize = 16;
+/// A group is divided as well where so much of its extent is empty.
+const LEAST_GAP: f32 = 0.02;
 
 /// Whether light that meets a surface of this material leaves it in narrow lobes alone: glass,
 /// mirrors, smooth metal.
@@ -59,65 +59,83 @@ fn area(of: &Bounds) -> f32 {
     x * y + y * z + z * x
 }
 
-/// A group of boxes, and the best place to divide it.
+/// A group of boxes, and where to divide it.
 struct Group {
     boxes: Vec<Bounds>,
     bounds: Bounds,
-    /// Area that the best division saves, the axis, and the largest center below it.
-    division: Option<(f32, usize, f32)>,
+    /// The axis, and the smallest center above the division.
+    division: Option<(usize, f32)>,
+}
+
+/// A place where a group may be divided.
+#[derive(Clone, Copy, Debug)]
+struct Division {
+    axis: usize,
+    middle: f32,
+    /// Share of the area that both parts do not have.
+    saved: f32,
+    /// Empty distance between both parts, over the extent of the group.
+    gap: f32,
 }
 
 impl Group {
     fn new(boxes: Vec<Bounds>) -> Self {
         let bounds = boxes.iter().copied().fold(Bounds::EMPTY, union);
         let mut group = Self { boxes, bounds, division: None };
-        let axes = (0..3).filter_map(|axis| group.divide_along(axis));
-        group.division = axes.max_by(|one, other| one.0.total_cmp(&other.0));
+        let all: Vec<Division> = (0..3).flat_map(|axis| group.divisions(axis)).collect();
+        let by_area = all.iter().max_by(|one, other| one.saved.total_cmp(&other.saved));
+        let by_gap = all.iter().max_by(|one, other| one.gap.total_cmp(&other.gap));
+        // Objects in rows hardly save area before the last division.
+        let best = by_area
+            .filter(|best| best.saved > LEAST_SAVED)
+            .or_else(|| by_gap.filter(|best| best.gap > LEAST_GAP));
+        group.division = best.map(|best| (best.axis, best.middle));
         group
     }
 
-    /// The best division at the ends of equal intervals of the centers.
-    fn divide_along(&self, axis: usize) -> Option<(f32, usize, f32)> {
-        let centers = self.boxes.iter().map(|own| own.center()[axis]);
-        let [low, high] = [
-            centers.clone().fold(f32::INFINITY, f32::min),
-            centers.fold(f32::NEG_INFINITY, f32::max),
-        ];
-        let step = (high - low) / BINS as f32;
-        let mut bins = [Bounds::EMPTY; BINS];
-        for own in &self.boxes {
-            let bin = ((own.center()[axis] - low) / step) as usize;
-            let bin = &mut bins[bin.min(BINS - 1)];
-            *bin = union(*bin, *own);
+    /// All divisions by the order of the centers along an axis.
+    fn divisions(&self, axis: usize) -> Vec<Division> {
+        let mut sorted: Vec<&Bounds> = self.boxes.iter().collect();
+        sorted.sort_by(|one, other| one.center()[axis].total_cmp(&other.center()[axis]));
+        let mut above = vec![Bounds::EMPTY; sorted.len() + 1];
+        for (index, own) in sorted.iter().enumerate().rev() {
+            above[index] = union(above[index + 1], **own);
         }
-        let all = area(&self.bounds);
-        let saved = |count: usize| {
-            let [below, above] = [&bins[..count], &bins[count..]]
-                .map(|bins| area(&bins.iter().copied().fold(Bounds::EMPTY, union)));
-            (all - below - above, axis, low + count as f32 * step)
-        };
-        let best = (1..BINS).map(saved).max_by(|one, other| one.0.total_cmp(&other.0));
-        best.filter(|(saved, ..)| step > 0.0 && *saved > (1.0 - WORTHWHILE) * all)
+        let (whole, extent) = (area(&self.bounds), (self.bounds.max - self.bounds.min)[axis]);
+        let mut below = Bounds::EMPTY;
+        let mut divisions = Vec::with_capacity(sorted.len());
+        for (pair, above) in sorted.windows(2).zip(&above[1..]) {
+            below = union(below, *pair[0]);
+            let [before, middle] = [pair[0], pair[1]].map(|own| own.center()[axis]);
+            if before < middle {
+                let saved = 1.0 - (area(&below) + area(above)) / whole;
+                let gap = (above.min[axis] - below.max[axis]) / extent;
+                divisions.push(Division { axis, middle, saved, gap });
+            }
+        }
+        divisions
     }
 }
 
-/// Groups of boxes that are near each other: the division that saves the most area comes first.
+/// Groups of boxes that are near each other. The largest group is divided first.
 fn groups(boxes: Vec<Bounds>) -> Vec<Bounds> {
     if boxes.is_empty() {
         return Vec::new();
     }
     let mut groups = vec![Group::new(boxes)];
     while groups.len() < MOST_GROUPS {
-        let saved = |own: &Group| own.division.map_or(0.0, |(saved, ..)| saved);
-        let best =
-            (0..groups.len()).max_by(|&a, &b| saved(&groups[a]).total_cmp(&saved(&groups[b])));
-        let Some(group) = best.filter(|&best| saved(&groups[best]) > 0.0) else { break };
-        let Group { boxes, division, .. } = groups.swap_remove(group);
-        let (_, axis, middle) = division.expect("it saves area");
-        let (below, above) = boxes.into_iter().partition(|own| own.center()[axis] < middle);
-        groups.extend([below, above].map(Group::new));
+        let divisible = (0..groups.len()).filter(|&index| groups[index].division.is_some());
+        let size = |index: &usize| area(&groups[*index].bounds);
+        let Some(largest) = divisible.max_by(|one, other| size(one).total_cmp(&size(other))) else {
+            break;
+        };
+        let Group { boxes, division, .. } = groups.swap_remove(largest);
+        let (axis, middle) = division.expect("it is divisible");
+        let parts: (Vec<_>, Vec<_>) =
+            boxes.into_iter().partition(|own| own.center()[axis] < middle);
+        groups.extend([parts.0, parts.1].map(Group::new));
     }
-    groups.into_iter().filter(|own| !own.boxes.is_empty()).map(|own| own.bounds).collect()
+    groups.into_iter().map(|own| own.bounds).collect()
 }
 
 #[cfg(test)]

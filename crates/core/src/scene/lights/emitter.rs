@@ -4,11 +4,10 @@
 use super::cluster::Cluster;
 use super::luminaire::{OpeningEmitter, PointLuminaire};
 use super::solid_angle::SphericalTriangle;
-use super::{Emission, LightSample, below_one, distant_origin};
+use super::{Emission, LightSample, below_one, distant_numbers, distant_origin};
 use crate::base::math::{
     Bounds, Rgb, cosine_hemisphere, cosine_hemisphere_inverse, luminance, sin_cos_turns, turns,
-    uniform_disc_inverse, uniform_sphere, uniform_sphere_inverse, uniform_triangle,
-    uniform_triangle_inverse,
+    uniform_sphere, uniform_sphere_inverse, uniform_triangle, uniform_triangle_inverse,
 };
 use crate::base::rng::Draw;
 use crate::scene::{TexturedTriangle, Triangle};
@@ -182,13 +181,6 @@ impl Directional {
         }
     }
 
-    /// Inverse of [`Self::emit`]: the numbers that give the ray through `point`.
-    fn emission_numbers(&self, point: Vec3) -> [f32; 2] {
-        let (right, up) = (-self.direction).any_orthonormal_pair();
-        let across = (point - self.center) / self.radius;
-        uniform_disc_inverse([right, up].map(|axis| axis.dot(across)))
-    }
-
     fn connect(&self, position: Vec3, prob: f32) -> LightSample {
         // The target is on the disc where its light paths start.
         let along = (position - self.center).dot(self.direction) + self.radius;
@@ -357,7 +349,11 @@ impl Emitter {
         match self {
             Self::Point { .. } => two(uniform_sphere_inverse(direction)),
             Self::Spot(spot) => two(spot.emission_numbers(direction)),
-            Self::Directional(light) => two(light.emission_numbers(origin)),
+            Self::Directional(light) => {
+                let toward = -light.direction;
+                let [a, b] = distant_numbers(light.center, light.radius, toward, origin);
+                [Some(a), Some(b), None, None]
+            }
             Self::Triangle { shape, .. } => four(shape),
             Self::Textured(panel) => four(&panel.shape),
             Self::Luminaire(lamp) => lamp.emission_numbers(direction),

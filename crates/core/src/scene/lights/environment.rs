@@ -3,8 +3,8 @@
 mod sample;
 
 use super::cutpoints::{Cutpoints, Outcome, UNITS, interval_ends};
-use super::{Emission, distant_origin};
-use crate::base::math::{Bounds, Rgb, luminance, uniform_disc_inverse};
+use super::{Emission, distant_numbers, distant_origin};
+use crate::base::math::{Bounds, Rgb, luminance};
 use glam::{DVec3, Vec3};
 use sample::EnvironmentSample;
 use serde::Serialize;
@@ -424,9 +424,7 @@ impl Environment {
     pub(super) fn emission_numbers(&self, point: Vec3, direction: Vec3) -> [f64; 4] {
         let toward = -direction;
         let [a, b] = self.numbers_at(&self.locate(toward), toward);
-        let (right, up) = toward.any_orthonormal_pair();
-        let across = (point - self.center) / self.radius;
-        let [c, d] = uniform_disc_inverse([right, up].map(|axis| axis.dot(across))).map(f64::from);
+        let [c, d] = distant_numbers(self.center, self.radius, toward, point);
         [a, b, c, d]
     }
 }

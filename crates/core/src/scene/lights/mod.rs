@@ -19,7 +19,7 @@ pub(crate) mod textured_emitter;
 mod tree;
 pub mod visibility;
 
-use crate::base::math::{Rgb, luminance, uniform_wide_disc};
+use crate::base::math::{Rgb, luminance, uniform_disc_inverse, uniform_wide_disc};
 use crate::base::rng::Rng;
 use connect::ChosenLight;
 pub use connect::ConnectedLight;
@@ -61,6 +61,13 @@ fn distant_origin(center: Vec3, radius: f32, toward: Vec3, numbers: [f64; 2]) ->
     let [right, up, toward] = [right, up, toward].map(|axis| axis.as_dvec3());
     let across = u * right + v * up + toward;
     (center.as_dvec3() + f64::from(radius) * across).as_vec3()
+}
+
+/// Inverse of [`distant_origin`]: the numbers that give the ray through `point`.
+fn distant_numbers(center: Vec3, radius: f32, toward: Vec3, point: Vec3) -> [f64; 2] {
+    let (right, up) = toward.any_orthonormal_pair();
+    let across = (point.as_dvec3() - center.as_dvec3()) / f64::from(radius);
+    uniform_disc_inverse([right, up].map(|axis| axis.as_dvec3().dot(across)))
 }
 
 /// A number of [0, 1) in single precision, still less than 1.

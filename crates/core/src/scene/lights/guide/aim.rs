@@ -382,7 +382,7 @@ mod tests {
             Material::new("glass", Bsdf::Dielectric(Dielectric::new(1.5))),
             Material::new("ground", Bsdf::diffuse(Vec3::splat(0.5))),
         ];
-        let camera = Camera::look(Vec3::Y, Vec3::ZERO, Vec3::Z, FieldOfView::X(60.0)).unwrap();
+        let camera = Camera::look(Vec3::Y, -Vec3::Y, Vec3::Z, FieldOfView::X(60.0)).unwrap();
         let meshes = vec![cube, ground];
         let scene = Scene::new("cube".into(), meshes, materials, lights, camera, vec![]).unwrap();
         let map = sky.map(|radiance| Environment::new(2, 1, vec![Vec3::splat(radiance); 2], 0.0));
@@ -446,8 +446,9 @@ mod tests {
             let (even, expected) = share_and_flux(&small, &Guide::even(), 4_000_000);
             let guide = Guide::aimed(&small).unwrap_or_else(|| panic!("{name}"));
             let (share, flux) = share_and_flux(&small, &guide, 100_000);
-            // Two thirds of the larger ball are outside of the ball.
-            assert!(share > 0.3 * AIMED_SHARE && share > 4.0 * even, "{name}: {share} {even}");
+            // A third of the aimed ball is outside of the ball, and boxes around the rays of a sky,
+            // whose places on the disc turn with the direction, have room.
+            assert!(share > 0.12 * AIMED_SHARE && share > 4.0 * even, "{name}: {share} {even}");
             let error = flux[1].hypot(expected[1]);
             assert!((flux[0] - expected[0]).abs() < 4.0 * error, "{name}: {flux:?} {expected:?}");
             assert!(flux[1] < 0.02 * flux[0], "{name}: {flux:?}");
