@@ -144,6 +144,7 @@ impl From<String> for Output {
 /// Runs the program: 0 on success, 1 on an error, 2 on wrong usage, 3 if readings are unknown, 4 if
 /// the result is incomplete, 130 if an interrupt left no result.
 pub fn run() -> ExitCode {
+    interrupts::survive_file_size_limit();
     let arguments: Vec<OsString> = std::env::args_os().collect();
     let matches = match definition().try_get_matches_from(&arguments) {
         Ok(matches) => matches,

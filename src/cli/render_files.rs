@@ -177,6 +177,7 @@ impl FileSchedule {
                     writer.save_image(state, &image, shown, &mut attempts, StatedErrors::default());
                     warn(attempts.failures());
                 }
+                Err(error) if error.is_interrupt() => {} // The image is written at the end.
                 Err(error) => warn(Err(error)),
             }
             let pause = (before.elapsed() * WRITE_SHARE).max(state.elapsed() / 2);

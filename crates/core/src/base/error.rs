@@ -80,7 +80,13 @@ impl Error {
     pub fn interrupted() -> Self {
         let advice = "let the first iteration end, or ask for fewer paths";
         let problem = "interrupted before the first iteration was done: there is no image";
-        Self { is_interrupt: true, ..Self::new(problem, advice) }
+        Self::new(problem, advice).by_interrupt()
+    }
+
+    /// Marks the error as the result of an interrupt by the user.
+    #[must_use]
+    pub fn by_interrupt(self) -> Self {
+        Self { is_interrupt: true, ..self }
     }
 
     /// Returns true if the user interrupted the program.

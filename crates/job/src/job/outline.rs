@@ -108,7 +108,9 @@ impl RenderJob {
         self.batch_grain(&provenance.settings)?;
         if self.denoise {
             let size = provenance.settings.resolution();
-            Denoising::new(threads.current_num_threads(), size, &self.stop_with_default())?;
+            let interrupt = Arc::clone(&self.interrupt);
+            let threads = threads.current_num_threads();
+            Denoising::new(threads, size, &self.stop_with_default(), interrupt)?;
         }
         let (Some(time), Some(counts)) = (self.stop.time, self.fixed_counts(provenance)) else {
             return Ok(None);
