@@ -119,6 +119,16 @@ impl Error {
         self.location.is_some()
     }
 
+    /// Replaces this error, and further independent ones, by the error that `replacement` returns
+    /// for it, if there is one.
+    #[must_use]
+    pub fn replaced(mut self, replacement: &impl Fn(&Self) -> Option<Self>) -> Self {
+        let others = std::mem::take(&mut self.others).into_iter();
+        let others = others.map(|other| other.replaced(replacement)).collect();
+        let is_interrupt = self.is_interrupt;
+        Self { others, is_interrupt, ..replacement(&self).unwrap_or(self) }
+    }
+
     /// Names the file.
     #[must_use]
     pub fn at(mut self, path: impl Into<PathBuf>) -> Self {
@@ -126,7 +136,7 @@ impl Error {
         self
     }
 
-    /// Names the one-based line and shows its text; needs [`Self::at`] first.
+    /// Names the one-based line and shows its text, unless it is empty; needs [`Self::at`] first.
     #[must_use]
     pub fn line(mut self, number: usize, text: impl Into<String>) -> Self {
         if let Some(location) = &mut self.location {
@@ -171,6 +181,7 @@ impl fmt::Display for Error {
         write_visible(f, &self.problem)?;
         if let Some((number, text)) =
             self.location.as_ref().and_then(|location| location.line.as_ref())
+            && !text.is_empty()
         {
             // A minified file may be one long line: show its beginning only.
             let shown: String = text.chars().take(120).map(visible).collect();
