@@ -1,5 +1,6 @@
 //! The one error type: a problem, its location in a file, and advice.
 
+use super::names::visible;
 use std::fmt::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -158,12 +159,6 @@ impl Error {
     }
 }
 
-/// The character, or a replacement of one that controls a terminal: names and lines of files are
-/// shown.
-pub fn visible(c: char) -> char {
-    if c.is_control() && c != '\t' && c != '\n' { '\u{fffd}' } else { c }
-}
-
 /// Writes text from a file, whose names also get into paths and advice.
 fn write_visible(f: &mut fmt::Formatter<'_>, text: &str) -> fmt::Result {
     text.chars().try_for_each(|c| f.write_char(visible(c)))
@@ -221,7 +216,7 @@ mod tests {
         let text = format!("\x1b[2J{}", "x".repeat(1000));
         let shown = Error::new("p", "a").at("f").line(1, text).to_string();
         assert!(shown.len() < 160 && !shown.contains('\x1b'), "{shown}");
-        let hostile = "a\x1b[2J\u{9b}b";
+        let hostile = "a\x1b[2J\u{202e}b";
         let shown = Error::new(hostile, hostile).at(hostile).line(1, hostile).to_string();
         assert_eq!(shown.matches("a\u{fffd}[2J\u{fffd}b").count(), 4, "{shown}");
     }
