@@ -12,6 +12,7 @@ use bdpm_core::base::memory::available_memory;
 use bdpm_core::render::{MemoryNeed, check_has_light};
 use bdpm_core::settings::combinations;
 use bdpm_core::settings::provenance::Provenance;
+use std::sync::Arc;
 
 /// Outline of a job.
 #[derive(Clone, Debug)]
