@@ -28,7 +28,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Time between checkpoints.
+/// Time between checkpoints by default.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
 /// Rendering time before the image is first written.
@@ -116,19 +116,23 @@ impl Outputs {
 pub struct FileSchedule {
     next_image: Duration,
     next_checkpoint: Duration,
+    /// Time between checkpoints, and until the first one.
+    checkpoint_every: Duration,
     /// Rendering time at which the time of writing is estimated; `None` if it is not or was.
     next_estimate: Option<Duration>,
 }
 
 impl FileSchedule {
-    /// The schedule of an image of this many pixels that ends after `time`, if that is given.
-    pub fn new(pixels: usize, time: Option<Duration>) -> Self {
+    /// The schedule of an image of this many pixels that ends after `time`, if that is given, and
+    /// whose checkpoints are `checkpoint_every` apart [default: a minute].
+    pub fn new(pixels: usize, time: Option<Duration>, checkpoint_every: Option<Duration>) -> Self {
         let assumed = WRITE_PIXEL * pixels as u32;
         let next_image = FIRST_WRITE.max(assumed * WRITE_SHARE);
         let next_estimate = time
             .filter(|time| assumed >= time.mul_f64(MIN_ESTIMATED))
             .map(|time| time.mul_f64(ESTIMATE_AFTER));
-        Self { next_image, next_checkpoint: CHECKPOINT_EVERY, next_estimate }
+        let checkpoint_every = checkpoint_every.unwrap_or(CHECKPOINT_EVERY);
+        Self { next_image, next_checkpoint: checkpoint_every, checkpoint_every, next_estimate }
     }
 
     /// Writes the files that are due. A failure is only a warning, since its cause may be gone at
@@ -148,7 +152,7 @@ impl FileSchedule {
             let mut attempts = Attempts::default();
             writer.save_checkpoint(state, &mut attempts);
             warn(attempts.failures());
-            self.next_checkpoint = state.elapsed() + CHECKPOINT_EVERY;
+            self.next_checkpoint = state.elapsed() + self.checkpoint_every;
         }
         if self.next_estimate.is_some_and(|next| state.elapsed() >= next) {
             self.next_estimate = None;
@@ -405,7 +409,7 @@ mod tests {
     fn time_of_writing_is_estimated_once_if_it_matters() {
         let time = Some(Duration::from_secs(100));
         // .6 s of 100 s by the assumed time, and a tenth of that.
-        let next = |pixels, time| FileSchedule::new(pixels, time).next_estimate;
+        let next = |pixels, time| FileSchedule::new(pixels, time, None).next_estimate;
         assert_eq!(next(1_000_000, time), Some(Duration::from_secs(15)));
         assert_eq!(next(100_000, time), None);
         assert_eq!(next(1_000_000, None), None);

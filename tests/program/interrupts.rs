@@ -167,3 +167,25 @@ fn interrupted_rating_of_a_scene_has_a_result() {
     assert!(output.status.success(), "{}", text(&output.stderr));
     assert!(json(&output)["vertical_illuminance"]["value"].as_f64().unwrap() > 0.0);
 }
+
+#[test]
+fn checkpoints_are_written_at_the_given_interval() {
+    let (folder, at) = folder();
+    let file = at("c.ckpt");
+    let more = ["--checkpoint", file.to_str().unwrap(), "--checkpoint-every", "1ms"];
+    let (mut child, _stderr) = endless(&at("a.exr"), &more);
+    // By default the first one is written after a minute. A kill leaves no other.
+    let is_written = (0..2000).any(|_| {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+        file.exists()
+    });
+    assert!(is_written, "no checkpoint after 20 s");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    succeed(render(&at("b.exr"), &["--resume", file.to_str().unwrap(), "--time", "1s"]));
+    assert!(names(&folder).contains(&"b.exr".to_owned()));
+    let mut command = render(&at("d.exr"), &["--iterations", "1", "--checkpoint-every", "10s"]);
+    let refused = command.output().unwrap();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("--checkpoint <FILE>"), "{}", text(&refused.stderr));
+}
