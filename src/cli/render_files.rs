@@ -20,6 +20,7 @@ use bdpm::output::denoise::Denoised;
 use bdpm::output::layers::{LayerName, LayerSelection};
 use bdpm::output::recorded_camera::record;
 use bdpm::output::recorded_error::{RecordedDenoisedError, RecordedError, record_pooled_rms};
+use bdpm::output::recorded_gamut::record_gamut;
 use bdpm::render::accumulators::SharedStatistics;
 use bdpm::render::block::CombinedImage;
 use bdpm::settings::Crop;
@@ -243,6 +244,7 @@ impl Writer {
                 error.record(&mut facts);
             }
             record(state.camera(), &mut facts);
+            record_gamut(state.renderer.scene_and_accel().0, &mut facts);
             self.save((&state.provenance, facts), sums, shown, attempts);
         });
     }
