@@ -44,9 +44,9 @@ impl std::error::Error for LoadError {}
 static FUNCTIONS: OnceLock<Result<Functions, LoadError>> = OnceLock::new();
 
 /// Loads the library, if that was not done before: from `EMBREE_DIR`, if that is set, else from the
-/// folder of the executable, from where it was when this crate was built, or from the folders of the
-/// system. No other folder is searched: a library runs code, and folders above a program may hold
-/// files of anybody.
+/// folder of the executable, from where it was when this crate was built, or from the folders of
+/// the system. No other folder is searched: a library runs code, and folders above a program may
+/// hold files of anybody.
 ///
 /// # Errors
 /// If there is none, or it lacks functions of the header.
@@ -99,8 +99,8 @@ fn find_and_load(check: impl FnOnce(&Path) -> Result<(), String>) -> Result<Func
     }
 }
 
-/// The file of the library: in the prefix of `EMBREE_DIR`, beside `program`, or where this crate was
-/// built. `None` if the system has to find it.
+/// The file of the library: in the prefix of `EMBREE_DIR`, beside `program`, or where this crate
+/// was built. `None` if the system has to find it.
 fn find(prefix: Option<&Path>, program: Option<&Path>) -> Result<Option<PathBuf>, LoadError> {
     let inside =
         |folder: &Path| NAMES.iter().map(|name| folder.join(name)).find(|file| file.exists());

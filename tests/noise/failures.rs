@@ -213,7 +213,8 @@ fn interrupt_during_denoising_leaves_the_raw_image() {
     let denoised = result.denoised.unwrap();
     assert!(denoised.is_interrupted && denoised.is_raw, "{denoised:?}");
     assert!(result.state.denoised().is_none());
-    // All runs take 10 s and more. The canceled one ends with the layer of the network that it is in.
+    // All runs take 10 s and more. The canceled one ends with the layer of the network that it is
+    // in.
     println!("{:.2} s of denoising", denoised.seconds);
 }
 

@@ -156,7 +156,7 @@ fn ignored_signals_stay_ignored() {
 
 #[test]
 fn interrupted_rating_of_a_scene_has_a_result() {
-    let mut command = bdpm(&["glare", SCENE, "--accel", "bvh", "--time", "10days"]);
+    let mut command = bdpm(&["glare", SCENE, "--accel", "bvh", "--target-error", "0.00001%"]);
     command.args(["--json", "--quiet"]).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
     // The first iterations of a meter take milliseconds.

@@ -16,8 +16,8 @@ const QUOTES: [char; 3] = ['`', '"', '\''];
 pub struct ShownFiles(Vec<PathBuf>);
 
 impl ShownFiles {
-    /// The files in the folder of a scene file, and a file that the user gave beside it. If the scene
-    /// file is a link, the folder of the file that it leads to counts as well.
+    /// The files in the folder of a scene file, and a file that the user gave beside it. If the
+    /// scene file is a link, the folder of the file that it leads to counts as well.
     pub fn of(scene: &Path, given: Option<&Path>) -> Self {
         let real = scene.canonicalize().ok();
         let folders = [Some(scene), real.as_deref()].into_iter().flatten().map(folder);

@@ -34,7 +34,8 @@ impl Names {
 }
 
 /// Returns true for characters that control what shows them: a terminal, the ends of lines, or the
-/// direction of text, by which a name can show other text around it in another order (CVE-2021-42574).
+/// direction of text, by which a name can show other text around it in another order
+/// (CVE-2021-42574).
 pub fn is_control(c: char) -> bool {
     // Marks of directions, separators of lines and paragraphs, embeddings, overrides and isolates
     c.is_control()

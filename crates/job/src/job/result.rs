@@ -1,7 +1,7 @@
 //! The result of a job.
 
 use super::audit_report::AuditReport;
-use super::denoised_report::DenoisedReport;
+use super::denoising::DenoisedReport;
 use super::state::RenderState;
 use super::step::Step;
 use crate::output::denoise;

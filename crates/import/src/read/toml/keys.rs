@@ -116,8 +116,8 @@ impl Position {
         (self.0 - origin).as_vec3()
     }
 
-    /// The vector from this position to another one, in a scene whose origin is at this point of the
-    /// file.
+    /// The vector from this position to another one, in a scene whose origin is at this point of
+    /// the file.
     pub fn vector_to(self, other: Self, origin: DVec3) -> Vec3 {
         vector_between(self.0 - origin, other.0 - origin)
     }

@@ -35,8 +35,8 @@ impl Cancellation {
 
 /// The progress monitor of a filter, whose pointer is that of a [`Cancellation`].
 pub unsafe extern "C" fn goes_on(cancellation: *mut c_void, _done: f64) -> bool {
-    // SAFETY: the pointer is that which was given with this function: of a `Cancellation` that lives
-    // as long as the filter. It is used through `&` only, from any thread, as it is `Sync`.
+    // SAFETY: the pointer is that which was given with this function: of a `Cancellation` that
+    // lives as long as the filter. It is used through `&` only, from any thread, as it is `Sync`.
     let cancellation = unsafe { &*cancellation.cast::<Cancellation>() };
     !cancellation.is_canceled()
 }

@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 /// Handle of a device or a filter.
 pub type Handle = *mut c_void;
 
-/// A function that the library calls while a filter runs, with the pointer that was given with it and
-/// the share that is done. If it returns false, the library cancels the filter.
+/// A function that the library calls while a filter runs, with the pointer that was given with it
+/// and the share that is done. If it returns false, the library cancels the filter.
 pub type ProgressMonitor = unsafe extern "C" fn(*mut c_void, f64) -> bool;
 
 /// Declares functions, and looks them up in a library by their names.

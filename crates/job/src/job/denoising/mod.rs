@@ -1,7 +1,10 @@
 //! Denoising in a job: when the denoiser runs, the time that is reserved for it, and the error of
 //! its result.
 
-use super::denoised_report::{DenoisedPromise, DenoisedReport};
+mod report;
+
+pub use report::{DenoisedPromise, DenoisedReport};
+
 use crate::output::denoise::{
     Denoised, ErrorSummary, Guides, Oidn, Quality, TILE, Validation, Window, denoise, guides,
 };
