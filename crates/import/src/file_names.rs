@@ -23,8 +23,8 @@ pub fn find_inside(folder: &Path, name: &str) -> Option<PathBuf> {
     exact.or_else(|| by_parts(folder, &slashed))
 }
 
-/// Returns true if a name leads out of the folder that it is relative to. Of a name that begins at
-/// a root, [`find_inside`] takes only the end, so it leads out if it has any `..`.
+/// Returns true if a name leads out of the folder that it is relative to. A name that begins at a
+/// root leads out if it has any `..`, since [`find_inside`] takes only the end of its path.
 pub fn leaves(name: &str) -> bool {
     let name = in_slashes(name);
     if name.starts_with('/') || name.as_bytes().get(1) == Some(&b':') {
