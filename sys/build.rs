@@ -1,6 +1,7 @@
 //! Finds Embree 4, generates bindings from its header, and says how to link and load it.
 
 use std::env;
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -122,9 +123,12 @@ fn find() -> Option<Install> {
     // At run time: a moved checkout keeps its compiled build script.
     let package = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR")?);
     let out = PathBuf::from(env::var_os("OUT_DIR")?);
-    // Beside this package in the checkout; or above the target folder, where `cargo package`
-    // unpacks it to verify it, and where a dependent project may have one.
-    let folders = package.parent().into_iter().chain(out.ancestors());
+    // Beside this package in the checkout; or beside the outermost target folder, where a dependent
+    // project may have one, and in which `cargo package` unpacks this one to verify it. No folder
+    // above that is searched: programs load the library that is found here.
+    let is_target = |folder: &&Path| folder.file_name() == Some(OsStr::new("target"));
+    let project = out.ancestors().filter(is_target).last().and_then(Path::parent);
+    let folders = package.parent().into_iter().chain(project);
     let prefixes = folders.map(|folder| folder.join(".embree"));
     prefixes.chain(["/usr/local".into(), "/usr".into()]).find_map(|prefix| Install::below(&prefix))
 }

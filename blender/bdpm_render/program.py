@@ -152,7 +152,8 @@ class Render:
     def interrupt(self):
         """Asks it to finish the iteration and to write what there is."""
         if self.is_running():
-            self._process.send_signal(signal.CTRL_BREAK_EVENT if sys.platform == "win32" else signal.SIGINT)
+            # Programs that a shell starts in the background ignore SIGINT, and so do those that they start.
+            self._process.send_signal(signal.CTRL_BREAK_EVENT if sys.platform == "win32" else signal.SIGTERM)
 
     def kill(self):
         if self.is_running():

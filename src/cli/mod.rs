@@ -48,7 +48,8 @@ mod verbose;
 mod view;
 
 use bdpm::base::duration::positive_time;
-use bdpm::base::error::{Error, Result, visible};
+use bdpm::base::error::{Error, Result};
+use bdpm::base::names::{is_control, visible};
 use bdpm::import::{EnvironmentSource, Warning};
 use bdpm::load::{CameraChange, LoadOptions, Loaded, LookAt, load_with};
 use bdpm::scene::backend::Backend;
@@ -144,14 +145,15 @@ impl From<String> for Output {
 /// Runs the program: 0 on success, 1 on an error, 2 on wrong usage, 3 if readings are unknown, 4 if
 /// the result is incomplete, 130 if an interrupt left no result.
 pub fn run() -> ExitCode {
+    interrupts::survive_file_size_limit();
     let arguments: Vec<OsString> = std::env::args_os().collect();
     let matches = match definition().try_get_matches_from(&arguments) {
         Ok(matches) => matches,
-        Err(error) => with_tip(error, &definition(), &arguments).exit(),
+        Err(error) => return refuse(with_tip(error, &definition(), &arguments), &arguments),
     };
     let command = match Cli::from_arg_matches(&matches) {
         Ok(cli) => cli.command,
-        Err(error) => error.exit(),
+        Err(error) => return refuse(error, &arguments),
     };
     let output = match command {
         Command::Render(args) => render::run(*args),
@@ -197,6 +199,17 @@ fn run_other(command: Command) -> Result<String> {
     }
 }
 
+/// Shows a usage error, which quotes arguments: names of files may control the terminal. Help and
+/// the version are no errors to clap's callers, but end the program in the same way.
+fn refuse(error: clap::Error, arguments: &[OsString]) -> ExitCode {
+    let is_hostile = |argument: &OsString| argument.to_string_lossy().contains(is_control);
+    if !arguments.iter().any(is_hostile) {
+        error.exit();
+    }
+    say(error.render().to_string().trim_end());
+    ExitCode::from(error.exit_code() as u8)
+}
+
 /// The text without characters that would let names from files control the terminal.
 fn harmless(text: &str) -> String {
     text.chars().map(visible).collect()
@@ -237,9 +250,19 @@ fn print_notes<'a>(warnings: impl IntoIterator<Item = &'a Warning>) {
     }
 }
 
-/// One JSON object on a line.
+/// One JSON object on a line. Characters that control what shows them are escaped, so that names
+/// are kept.
 fn json(value: &impl Serialize) -> String {
-    serde_json::to_string(value).expect("plain numbers and texts") + "\n"
+    let text = serde_json::to_string(value).expect("plain numbers and texts");
+    let mut escaped = String::with_capacity(text.len() + 1);
+    for c in text.chars() {
+        match is_control(c) {
+            // They are within strings, and of the basic plane.
+            true => escaped += &format!("\\u{:04x}", u32::from(c)),
+            false => escaped.push(c),
+        }
+    }
+    escaped + "\n"
 }
 
 /// What a command prints about its result: a JSON object if that is requested, nothing with
@@ -373,6 +396,14 @@ mod tests {
     #[test]
     fn argument_definitions_are_consistent() {
         definition().debug_assert();
+    }
+
+    #[test]
+    fn json_keeps_names_that_control_the_terminal() {
+        let name = "a\u{202e}b\u{9b}c\x1bd\ne";
+        let text = json(&name);
+        assert!(!text.trim_end().contains(is_control), "{text:?}");
+        assert_eq!(serde_json::from_str::<String>(&text).unwrap(), name);
     }
 
     #[test]

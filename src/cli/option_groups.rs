@@ -38,7 +38,7 @@ const GROUPS: &[Group] = &[
     Group {
         heading: "Continue and distribute",
         common: &["checkpoint", "resume"],
-        other: &["plan", "part"],
+        other: &["checkpoint_every", "plan", "part"],
     },
     // After the settings that are in no group.
     Group {

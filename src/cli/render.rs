@@ -15,6 +15,7 @@ use super::{Output, say};
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::plan::Plan;
 use bdpm::adaptive::stopping::Target;
+use bdpm::base::duration::positive_time;
 use bdpm::base::error::{Error, Result};
 use bdpm::film::aov::AovSelection;
 use bdpm::image_io;
@@ -30,7 +31,7 @@ use bdpm::timing::Timings;
 use bdpm::{RenderJob, Stop};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 #[derive(clap::Args)]
 #[command(mut_args(with_chosen_default), mut_args(with_conflicts))]
@@ -91,6 +92,9 @@ pub struct Args {
     /// Write a checkpoint to this file every minute, on Ctrl-C and at the end
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,
+    /// Write the checkpoint at this interval, such as 10s or 5m [default: 1m]
+    #[arg(long, value_name = "TIME", value_parser = positive_time, requires = "checkpoint")]
+    pub checkpoint_every: Option<Duration>,
     /// Continue the image of this checkpoint, with its settings
     #[arg(long, value_name = "FILE")]
     pub resume: Option<PathBuf>,

@@ -20,6 +20,7 @@ use bdpm::output::denoise::Denoised;
 use bdpm::output::layers::{LayerName, LayerSelection};
 use bdpm::output::recorded_camera::record;
 use bdpm::output::recorded_error::{RecordedDenoisedError, RecordedError, record_pooled_rms};
+use bdpm::output::recorded_gamut::record_gamut;
 use bdpm::render::accumulators::SharedStatistics;
 use bdpm::render::block::CombinedImage;
 use bdpm::settings::Crop;
@@ -28,7 +29,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Time between checkpoints.
+/// Time between checkpoints by default.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
 /// Rendering time before the image is first written.
@@ -116,19 +117,23 @@ impl Outputs {
 pub struct FileSchedule {
     next_image: Duration,
     next_checkpoint: Duration,
+    /// Time between checkpoints, and until the first one.
+    checkpoint_every: Duration,
     /// Rendering time at which the time of writing is estimated; `None` if it is not or was.
     next_estimate: Option<Duration>,
 }
 
 impl FileSchedule {
-    /// The schedule of an image of this many pixels that ends after `time`, if that is given.
-    pub fn new(pixels: usize, time: Option<Duration>) -> Self {
+    /// The schedule of an image of this many pixels that ends after `time`, if that is given, and
+    /// whose checkpoints are `checkpoint_every` apart [default: a minute].
+    pub fn new(pixels: usize, time: Option<Duration>, checkpoint_every: Option<Duration>) -> Self {
         let assumed = WRITE_PIXEL * pixels as u32;
         let next_image = FIRST_WRITE.max(assumed * WRITE_SHARE);
         let next_estimate = time
             .filter(|time| assumed >= time.mul_f64(MIN_ESTIMATED))
             .map(|time| time.mul_f64(ESTIMATE_AFTER));
-        Self { next_image, next_checkpoint: CHECKPOINT_EVERY, next_estimate }
+        let checkpoint_every = checkpoint_every.unwrap_or(CHECKPOINT_EVERY);
+        Self { next_image, next_checkpoint: checkpoint_every, checkpoint_every, next_estimate }
     }
 
     /// Writes the files that are due. A failure is only a warning, since its cause may be gone at
@@ -148,7 +153,7 @@ impl FileSchedule {
             let mut attempts = Attempts::default();
             writer.save_checkpoint(state, &mut attempts);
             warn(attempts.failures());
-            self.next_checkpoint = state.elapsed() + CHECKPOINT_EVERY;
+            self.next_checkpoint = state.elapsed() + self.checkpoint_every;
         }
         if self.next_estimate.is_some_and(|next| state.elapsed() >= next) {
             self.next_estimate = None;
@@ -177,6 +182,7 @@ impl FileSchedule {
                     writer.save_image(state, &image, shown, &mut attempts, StatedErrors::default());
                     warn(attempts.failures());
                 }
+                Err(error) if error.is_interrupt() => {} // The image is written at the end.
                 Err(error) => warn(Err(error)),
             }
             let pause = (before.elapsed() * WRITE_SHARE).max(state.elapsed() / 2);
@@ -238,6 +244,7 @@ impl Writer {
                 error.record(&mut facts);
             }
             record(state.camera(), &mut facts);
+            record_gamut(state.renderer.scene_and_accel().0, &mut facts);
             self.save((&state.provenance, facts), sums, shown, attempts);
         });
     }
@@ -404,7 +411,7 @@ mod tests {
     fn time_of_writing_is_estimated_once_if_it_matters() {
         let time = Some(Duration::from_secs(100));
         // .6 s of 100 s by the assumed time, and a tenth of that.
-        let next = |pixels, time| FileSchedule::new(pixels, time).next_estimate;
+        let next = |pixels, time| FileSchedule::new(pixels, time, None).next_estimate;
         assert_eq!(next(1_000_000, time), Some(Duration::from_secs(15)));
         assert_eq!(next(100_000, time), None);
         assert_eq!(next(1_000_000, None), None);

@@ -95,7 +95,7 @@ impl<'a> RenderObserver<'a> {
         let target = self.args.view.as_ref();
         self.view = target.map(|target| View::new(target, &name, &self.progress));
         let (pixels, time) = (state.provenance.settings.pixels(), state.stop.time);
-        self.schedule = Some(FileSchedule::new(pixels, time));
+        self.schedule = Some(FileSchedule::new(pixels, time, self.args.checkpoint_every));
         self.progress.start();
     }
 

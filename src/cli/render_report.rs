@@ -294,6 +294,10 @@ fn processes(run: &RunReport) -> String {
 /// The error of the denoised image, and of the raw image.
 fn denoised(report: &DenoisedReport) -> String {
     let Some(error) = &report.error else {
+        if report.is_interrupted {
+            return "not denoised: an interrupt ended the denoiser; denoise the file: bdpm denoise\n"
+                .into();
+        }
         if report.is_raw {
             return "not denoised: the raw image has a small enough error, so it is the result\n"
                 .into();

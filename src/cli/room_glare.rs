@@ -1,5 +1,7 @@
 //! `bdpm glare SCENE`: the rating straight from luminaires and room.
 
+use super::interrupts::catch_interrupts;
+use super::progress::{Progress, ProgressFormat};
 use super::{json, positive_time, print_notes, say};
 use bdpm::MeasureJob;
 use bdpm::base::error::{Error, Result};
@@ -88,11 +90,14 @@ pub fn run(path: &Path, args: &Args, is_json: bool) -> Result<String> {
     if !args.quiet {
         print_notes(&loaded.warnings);
     }
+    let format = if args.quiet { ProgressFormat::Nothing } else { ProgressFormat::Text };
+    let interrupted = catch_interrupts(Progress::new(format))?;
     let glare = MeasureJob::new(&loaded)
         .target(args.target_error)
         .time(args.time)
         .backend(args.accel.unwrap_or_default())
         .threads(threads)
+        .interrupted_by(interrupted)
         .rate_glare()?;
     if !args.quiet {
         glare.notes.iter().for_each(|note| say(&format!("note: {note}")));

@@ -12,4 +12,4 @@ mod library;
 #[cfg(not(docs_without_embree))]
 pub use bindings::*;
 #[cfg(not(docs_without_embree))]
-pub use library::{LoadError, load};
+pub use library::{LoadError, load, load_checked};

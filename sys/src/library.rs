@@ -21,9 +21,6 @@ const NAMES: &[&str] = if cfg!(windows) {
 /// Folder of the library that this crate was built with, absolute.
 const BUILT_WITH: Option<&str> = option_env!("EMBREE4_SYS_LIB");
 
-/// Folder of an Embree in a checkout, which `make setup` installs.
-const CHECKOUT_PREFIX: &str = ".embree";
-
 /// Embree's library cannot be loaded.
 #[derive(Clone, Debug)]
 pub struct LoadError {
@@ -46,14 +43,24 @@ impl std::error::Error for LoadError {}
 
 static FUNCTIONS: OnceLock<Result<Functions, LoadError>> = OnceLock::new();
 
-/// Loads the library, if that was not done before: from `EMBREE_DIR`, if that is set; beside the
-/// executable or one of its folders, with `.embree` and `lib` below them; where the system finds
-/// it; or where it was when this crate was built.
+/// Loads the library, if that was not done before: from `EMBREE_DIR`, if that is set, else from the
+/// folder of the executable, from where it was when this crate was built, or from the folders of
+/// the system. No other folder is searched: a library runs code, and folders above a program may
+/// hold files of anybody.
 ///
 /// # Errors
 /// If there is none, or it lacks functions of the header.
 pub fn load() -> Result<(), LoadError> {
-    FUNCTIONS.get_or_init(find_and_load).as_ref().map(|_| ()).map_err(Clone::clone)
+    load_checked(|_| Ok(()))
+}
+
+/// Loads the library as [`load`] does, if `check` accepts its file. A library in the folders of the
+/// system is not checked.
+///
+/// # Errors
+/// As [`load`], or the problem that `check` reports.
+pub fn load_checked(check: impl FnOnce(&Path) -> Result<(), String>) -> Result<(), LoadError> {
+    FUNCTIONS.get_or_init(|| find_and_load(check)).as_ref().map(|_| ()).map_err(Clone::clone)
 }
 
 /// The functions of the library.
@@ -70,28 +77,55 @@ pub(crate) fn functions() -> &'static Functions {
 
 #[cold]
 fn load_or_panic() -> &'static Functions {
-    match FUNCTIONS.get_or_init(find_and_load) {
+    match FUNCTIONS.get_or_init(|| find_and_load(|_| Ok(()))) {
         Ok(functions) => functions,
         Err(error) => panic!("Embree 4 cannot be loaded: {error}"),
     }
 }
 
-fn find_and_load() -> Result<Functions, LoadError> {
-    let file = candidates().into_iter().find(|file| file.exists());
-    // A link's own folder may lack the libraries that this one needs.
-    match file.map(|file| file.canonicalize().unwrap_or(file)) {
-        Some(file) => load_from(&file).map_err(|problem| LoadError { problem, file: Some(file) }),
+fn find_and_load(check: impl FnOnce(&Path) -> Result<(), String>) -> Result<Functions, LoadError> {
+    let prefix = env::var_os("EMBREE_DIR").filter(|prefix| !prefix.is_empty());
+    match find(prefix.as_deref().map(Path::new), env::current_exe().ok().as_deref())? {
+        Some(file) => check(&file)
+            .and_then(|()| load_from(&file))
+            .map_err(|problem| LoadError { problem, file: Some(file) }),
         None => {
-            let of_system = NAMES.iter().map(PathBuf::from);
-            let built_with =
-                NAMES.iter().filter_map(|name| Some(Path::new(BUILT_WITH?).join(name)));
-            let mut all = of_system.chain(built_with).map(|file| load_from(&file));
+            let mut all = NAMES.iter().map(|name| load_from(Path::new(name)));
             let first = all.next().expect("there is a name");
             first.or_else(|problem| {
                 all.find_map(Result::ok).ok_or(LoadError { problem, file: None })
             })
         }
     }
+}
+
+/// The file of the library: in the prefix of `EMBREE_DIR`, beside `program`, or where this crate
+/// was built. `None` if the system has to find it.
+fn find(prefix: Option<&Path>, program: Option<&Path>) -> Result<Option<PathBuf>, LoadError> {
+    let inside =
+        |folder: &Path| NAMES.iter().map(|name| folder.join(name)).find(|file| file.exists());
+    let found = match prefix {
+        Some(prefix) => {
+            let arch = format!("lib/{}-linux-gnu", env::consts::ARCH);
+            let folders = [arch.as_str(), "lib64", "lib", "bin"];
+            let found = folders.iter().find_map(|folder| inside(&prefix.join(folder)));
+            Some(found.ok_or_else(|| LoadError {
+                problem: format!(
+                    "EMBREE_DIR is {}, but its folder `lib` does not contain {}",
+                    prefix.display(),
+                    NAMES[0]
+                ),
+                file: None,
+            })?)
+        }
+        None => {
+            let program = program.map(|program| program.canonicalize().unwrap_or(program.into()));
+            let beside = program.as_deref().and_then(Path::parent);
+            beside.into_iter().chain(BUILT_WITH.map(Path::new)).find_map(inside)
+        }
+    };
+    // A link's own folder may lack the libraries that this one needs.
+    Ok(found.map(|file| file.canonicalize().unwrap_or(file)))
 }
 
 fn load_from(place: &Path) -> Result<Functions, String> {
@@ -104,25 +138,32 @@ fn load_from(place: &Path) -> Result<Functions, String> {
     functions.map_err(|error| error.to_string())
 }
 
-/// Files that may be the library, in the order of preference.
-fn candidates() -> Vec<PathBuf> {
-    let inside = |folder: &Path| NAMES.iter().map(|name| folder.join(name)).collect::<Vec<_>>();
-    let in_prefix = |prefix: &Path| {
-        let arch = format!("lib/{}-linux-gnu", env::consts::ARCH);
-        let folders = [arch.as_str(), "lib64", "lib", "bin"].map(|folder| prefix.join(folder));
-        folders.iter().flat_map(|folder| inside(folder)).collect::<Vec<_>>()
-    };
-    if let Some(prefix) = env::var_os("EMBREE_DIR").filter(|prefix| !prefix.is_empty()) {
-        return in_prefix(Path::new(&prefix));
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn library_is_found_in_the_prefix_and_beside_the_program_only() {
+        let root = env::temp_dir().join(format!("embree4-sys-{}", std::process::id()));
+        let bin = root.join("a/bin");
+        fs::create_dir_all(&bin).unwrap();
+        let root = root.canonicalize().unwrap();
+        let (bin, program) = (root.join("a/bin"), root.join("a/bin/program"));
+        // Libraries in folders above the program, and in folders of these
+        for folder in ["a", ".embree/lib", "a/.embree/lib", "a/lib", "a/bin/.embree/lib"] {
+            fs::create_dir_all(root.join(folder)).unwrap();
+            fs::write(root.join(folder).join(NAMES[0]), "no library").unwrap();
+        }
+        let found = find(None, Some(&program)).unwrap();
+        assert!(found.is_none_or(|found| !found.starts_with(&root)));
+        fs::write(bin.join(NAMES[0]), "no library").unwrap();
+        assert_eq!(find(None, Some(&program)).unwrap(), Some(bin.join(NAMES[0])));
+        let prefix = root.join("a");
+        assert_eq!(find(Some(&prefix), None).unwrap(), Some(root.join("a/lib").join(NAMES[0])));
+        // The system is not asked: the user's word is final.
+        let problem = find(Some(&root), Some(&program)).unwrap_err().to_string();
+        assert!(problem.starts_with("EMBREE_DIR is ") && problem.contains(NAMES[0]), "{problem}");
+        fs::remove_dir_all(&root).unwrap();
     }
-    let Ok(program) = env::current_exe() else { return Vec::new() };
-    let program = program.canonicalize().unwrap_or(program);
-    let folders = program.ancestors().skip(1);
-    let around = |folder: &Path| {
-        let mut all = inside(folder);
-        all.extend(in_prefix(&folder.join(CHECKOUT_PREFIX)));
-        all
-    };
-    let installed = program.parent().and_then(Path::parent).map(in_prefix);
-    folders.flat_map(around).chain(installed.into_iter().flatten()).collect()
 }

@@ -153,3 +153,39 @@ fn far_nodes_of_gltf_have_the_lengths_of_near_ones() {
     let corner = |loaded: &Loaded| loaded.scene.in_file(loaded.scene.bounds().min);
     assert_eq!(corner(&far) - corner(&near), DVec3::new(1e6 + 0.125, 0.0, 0.0));
 }
+
+/// Positions in single precision have steps of 8 at this distance.
+#[test]
+fn far_cameras_spots_and_meters_look_at_their_near_targets() {
+    let far = 1e8;
+    let own = folder(far, false);
+    let path = own.path().join("scene.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let camera = format!("position = [{far}, 3, 5]\ntarget = [{far}, 0, 0]");
+    let aside = format!("position = [{}, 2, 0]\ntarget = [{far}, 2, 0]", far - 3.0);
+    assert!(text.contains(&camera));
+    let more = format!(
+        "[[light]]\ntype = 'spot'\nposition = [{far}, 2, 0]\ntarget = [{}, 2, 0]\nouter_deg = 20\n\
+         candela = 1000\n\
+         [[meter]]\nname = 'b'\nposition = [{far}, 2, 0]\ntarget = [{}, 2, 0]\n",
+        far + 1.0,
+        far - 1.0
+    );
+    write(&path, text.replace(&camera, &aside) + &more).unwrap();
+    let loaded = load(own.path()).unwrap();
+    assert_eq!(loaded.scene.camera.direction(), Vec3::X);
+    assert_eq!(loaded.scene.in_file(loaded.scene.camera.position()).x, far - 3.0);
+    let spot = loaded.scene.lights().emitters().iter().find_map(|emitter| match emitter {
+        Emitter::Spot(spot) => Some(spot.direction),
+        _ => None,
+    });
+    assert_eq!(spot, Some(Vec3::X));
+    assert_eq!(loaded.meters[1].meters[0].normal, Vec3::NEG_X);
+    // The camera of the command line, which is far from a scene near the origin
+    let near = folder(0.0, false);
+    let look_at = LookAt::new(DVec3::new(far, 0.0, 0.0), DVec3::new(far - 1.0, 0.0, 0.0), None);
+    let camera_change = CameraChange { look_at: Some(look_at), ..CameraChange::default() };
+    let options = LoadOptions { camera_change, ..LoadOptions::default() };
+    let loaded = load_with(near.path(), &options).unwrap();
+    assert_eq!(loaded.scene.camera.direction(), Vec3::NEG_X);
+}

@@ -57,3 +57,23 @@ fn unknown_and_wrong_keys_of_lights_are_reported_at_their_own_lines() {
     refused(luminaire, "15", &["the key `file`", "is missing"]);
     refused(&format!("{luminaire}target = [0, 0, 0]\n"), "15", &["unknown key `target`"]);
 }
+
+#[test]
+fn names_that_control_what_shows_them_are_replaced() {
+    let folder = TempDir::new().unwrap();
+    let hostile = r"a\u202Eb\u001Bc\nd\u2066";
+    let shown = "a\u{fffd}b\u{fffd}c\u{fffd}d\u{fffd}";
+    let text = format!(
+        "[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\nfov_x_deg = 40\n\
+         [[mesh]]\nfile = 'a.obj'\nmaterial = \"{hostile}\"\n\
+         [materials.\"{hostile}\"]\nalbedo = 0.5\n\
+         [[light]]\ntype = 'point'\nname = \"{hostile}\"\nposition = [0, 1, 2]\nlumen = 800\n\
+         [[meter]]\nname = \"{hostile}\"\nposition = [0, 0, 1]\nnormal = [0, 0, -1]\n"
+    );
+    write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    write(folder.path().join("scene.toml"), text).unwrap();
+    let loaded = load(folder.path()).unwrap();
+    assert_eq!(names(&loaded), [shown]);
+    assert_eq!(loaded.meters[0].name, shown);
+    assert!(loaded.scene.materials().iter().any(|material| material.name == shown));
+}

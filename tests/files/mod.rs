@@ -28,6 +28,7 @@ mod mitsuba_bad;
 mod mitsuba_sensors;
 mod mtl;
 mod obj;
+mod outside;
 mod pbrt;
 mod ply;
 mod shapes;

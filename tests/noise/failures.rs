@@ -171,3 +171,57 @@ fn interrupt_before_the_first_image_ends_the_job_at_once() {
         println!("{:.2} s after the interrupt", waiting.join().unwrap().elapsed().as_secs_f64());
     }
 }
+
+/// Renders this many iterations with the best effort of the denoiser, which takes long at this
+/// size on one thread. The interrupt is set after the last event, or within it.
+fn denoised_until_interrupt(resolution: [u32; 2], is_earlier: bool) -> RenderResult {
+    const ITERATIONS: u64 = 16;
+    let settings = PartialSettings {
+        resolution: Some(resolution),
+        camera_paths: Some(1),
+        light_paths: Some(1000),
+        ..Default::default()
+    };
+    let interrupt = Arc::new(AtomicBool::new(false));
+    let job = RenderJob::new(&loaded()).settings(settings).stop(Stop::iterations(ITERATIONS));
+    let job = job.denoise(true).threads(Arc::new(bdpm::job::thread_pool(1).unwrap()));
+    let result = job.interrupted_by(Arc::clone(&interrupt)).run(|event| {
+        if let Event::Iterated(state) = event
+            && state.renderer.iterations() == ITERATIONS
+        {
+            let flag = Arc::clone(&interrupt);
+            let set = move || flag.store(true, Ordering::Relaxed);
+            if is_earlier {
+                set();
+            } else {
+                thread::spawn(move || {
+                    thread::sleep(Duration::from_millis(500));
+                    set();
+                });
+            }
+        }
+        ControlFlow::Continue(())
+    });
+    result.unwrap()
+}
+
+#[test]
+fn interrupt_during_denoising_leaves_the_raw_image() {
+    let result = denoised_until_interrupt([640, 480], false);
+    assert_has_image(&result);
+    assert!(result.failure().is_none());
+    let denoised = result.denoised.unwrap();
+    assert!(denoised.is_interrupted && denoised.is_raw, "{denoised:?}");
+    assert!(result.state.denoised().is_none());
+    // All runs take 10 s and more. The canceled one ends with the layer of the network that it is
+    // in.
+    println!("{:.2} s of denoising", denoised.seconds);
+}
+
+#[test]
+fn interrupt_before_denoising_leaves_a_denoised_image() {
+    let result = denoised_until_interrupt([40, 30], true);
+    let denoised = result.denoised.unwrap();
+    assert!(!denoised.is_interrupted && denoised.error.is_some(), "{denoised:?}");
+    assert!(result.state.denoised().is_some());
+}

@@ -100,3 +100,27 @@ fn options_of_scenes_and_broken_files_are_refused() {
     assert_refused(&bdpm(folder.path(), &["info", "a.exr"]), "a.exr: this is no EXR image", ".exr");
     assert_refused(&bdpm(folder.path(), &["info", "none.exr"]), "none.exr", "check the path");
 }
+
+#[test]
+fn image_of_a_dispersive_scene_says_that_negative_values_are_meant() {
+    let folder = tempfile::tempdir().unwrap();
+    let floor = "v -9 0 -9\nv 9 0 -9\nv 9 0 9\nv -9 0 9\nf 4 3 2 1\n";
+    std::fs::write(folder.path().join("floor.obj"), floor).unwrap();
+    let scene = |material: &str| {
+        format!(
+            "[camera]\nposition = [0, 5, 5]\ntarget = [0, 0, 0]\nfov_x_deg = 40\n\
+             [[mesh]]\nfile = 'floor.obj'\nmaterial = 'm'\n[materials.m]\n{material}\n\
+             [environment]\nradiance = 1\n"
+        )
+    };
+    let states = |name: &str, material: &str| {
+        std::fs::write(folder.path().join(name), scene(material)).unwrap();
+        let own = ["render", name, "--accel", "bvh", "--output", "a.exr", "--quiet"];
+        let more = ["--resolution", "8x8", "--iterations", "1", "--light-paths", "100"];
+        succeed(&bdpm(folder.path(), &[&own[..], &more, &["--camera-paths", "1"]].concat()));
+        let image = bdpm::image_io::read_exr(&folder.path().join("a.exr")).unwrap();
+        image.metadata.contains_key("negative values")
+    };
+    assert!(states("glass.toml", "type = 'dielectric'\nior = 'N-BK7'"));
+    assert!(!states("plain.toml", "albedo = 0.5"));
+}

@@ -20,9 +20,16 @@ fn endless(output: &Path, more: &[&str]) -> (std::process::Child, impl BufRead +
     (child, stderr)
 }
 
+/// Asks the program to end. Programs that a shell starts in the background ignore SIGINT, and so
+/// may these tests.
 fn interrupt(child: &std::process::Child) {
+    signal(child, "TERM");
+}
+
+fn signal(child: &std::process::Child, name: &str) {
     // The shell's own `kill`: a minimal Debian has no program of that name.
-    let status = Command::new("sh").args(["-c", &format!("kill -INT {}", child.id())]).status();
+    let script = format!("kill -{name} {}", child.id());
+    let status = Command::new("sh").args(["-c", &script]).status();
     let status = status.unwrap();
     assert!(status.success());
 }
@@ -59,7 +66,7 @@ fn interrupt_writes_the_finished_iterations() {
 fn two_signals_at_once_are_one() {
     let (folder, at) = folder();
     let (child, mut stderr) = endless(&at("a.exr"), &[]);
-    let kill = format!("kill -INT {0}; kill -TERM {0}; kill -INT {0}", child.id());
+    let kill = format!("kill -TERM {0}; kill -INT {0}; kill -TERM {0}", child.id());
     assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
     let output = child.wait_with_output().unwrap();
     let mut rest = String::new();
@@ -115,4 +122,70 @@ fn a_second_interrupt_ends_the_program_at_once() {
     assert!(child.try_wait().unwrap().is_none());
     interrupt(&child);
     assert_eq!(child.wait().unwrap().code(), Some(130));
+}
+
+/// The command, started to ignore these signals, as `nohup` starts a program.
+#[cfg(target_os = "linux")]
+fn ignoring(signals: &str, command: &Command) -> Command {
+    let mut shell = Command::new("sh");
+    shell.args(["-c", &format!("trap '' {signals}; exec \"$0\" \"$@\"")]);
+    shell.arg(command.get_program()).args(command.get_args());
+    shell
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn ignored_signals_stay_ignored() {
+    let (_folder, at) = folder();
+    let command = render(&at("a.exr"), &["--time", "10days", "--verbose", "--json"]);
+    let mut command = ignoring("HUP INT", &command);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    wait_for(&mut lines, "iteration 1");
+    signal(&child, "HUP");
+    signal(&child, "INT");
+    // A render that took a signal as a request would end with its iteration, of some milliseconds.
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    assert!(child.try_wait().unwrap().is_none(), "it ended although the signals are ignored");
+    signal(&child, "TERM");
+    wait_for(&mut lines, "finishing this iteration");
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success());
+    assert_eq!(json(&output)["stopped_by"], "interrupt");
+}
+
+#[test]
+fn interrupted_rating_of_a_scene_has_a_result() {
+    let mut command = bdpm(&["glare", SCENE, "--accel", "bvh", "--target-error", "0.00001%"]);
+    command.args(["--json", "--quiet"]).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    // The first iterations of a meter take milliseconds.
+    std::thread::sleep(std::time::Duration::from_secs(6));
+    assert!(child.try_wait().unwrap().is_none(), "it ended before the interrupt");
+    interrupt(&child);
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(json(&output)["vertical_illuminance"]["value"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn checkpoints_are_written_at_the_given_interval() {
+    let (folder, at) = folder();
+    let file = at("c.ckpt");
+    let more = ["--checkpoint", file.to_str().unwrap(), "--checkpoint-every", "1ms"];
+    let (mut child, _stderr) = endless(&at("a.exr"), &more);
+    // By default the first one is written after a minute. A kill leaves no other.
+    let is_written = (0..2000).any(|_| {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+        file.exists()
+    });
+    assert!(is_written, "no checkpoint after 20 s");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    succeed(render(&at("b.exr"), &["--resume", file.to_str().unwrap(), "--time", "1s"]));
+    assert!(names(&folder).contains(&"b.exr".to_owned()));
+    let mut command = render(&at("d.exr"), &["--iterations", "1", "--checkpoint-every", "10s"]);
+    let refused = command.output().unwrap();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("--checkpoint <FILE>"), "{}", text(&refused.stderr));
 }

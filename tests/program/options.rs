@@ -429,3 +429,21 @@ fn completions_and_manual_pages_cover_all_commands() {
     assert_refused(&refused, "file: cannot create the folder", "");
     drop(folder);
 }
+
+/// Names of files come from shells, which complete what is in a folder.
+#[test]
+fn arguments_do_not_control_the_terminal() {
+    let hostile = "a\x1b[2J\u{202e}b\u{2066}";
+    for arguments in [
+        vec!["info", hostile],
+        vec!["render", "scene", hostile, hostile],
+        vec!["render", &format!("--{hostile}")],
+        vec![hostile],
+    ] {
+        let output = Command::new(env!("CARGO_BIN_EXE_bdpm")).args(&arguments).output().unwrap();
+        assert!(!output.status.success());
+        let shown = String::from_utf8(output.stderr).unwrap();
+        assert!(shown.contains("\u{fffd}b\u{fffd}"), "{arguments:?}: {shown:?}");
+        assert!(!shown.contains(['\x1b', '\u{202e}', '\u{2066}']), "{arguments:?}: {shown:?}");
+    }
+}

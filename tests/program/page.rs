@@ -136,7 +136,7 @@ fn the_page_is_renewed_until_the_render_is_stopped() {
         format!("<noscript><meta http-equiv=\"refresh\" content=\"{seconds}\"></noscript>");
     assert!(html.contains(&refresh));
     assert!(html.contains("<progress") && html.contains("10m"));
-    let stop = format!("kill -INT {}", child.id());
+    let stop = format!("kill -TERM {}", child.id());
     assert!(Command::new("sh").args(["-c", &stop]).status().unwrap().success());
     assert!(child.wait().unwrap().success());
     desk.last_page("stopped by Ctrl-C");

@@ -14,6 +14,7 @@ pub mod embree;
 mod geometry;
 pub mod lanes;
 pub mod packet;
+pub mod shared_library;
 
 pub use geometry::{Geometry, Instance, instance_transform};
 /// Vectors and transforms of the interface, in the version that this crate uses.

@@ -10,6 +10,7 @@ use super::whole_view;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::luminance;
 use bdpm_core::base::memory::available_memory;
+use bdpm_core::base::names::for_display;
 use bdpm_core::scene::transform::Transform;
 use bdpm_core::scene::{
     Arrangement, Camera, Emitter, Environment, Material, Medium, MediumBoundary, MeterSet, Region,
@@ -155,8 +156,10 @@ impl Builder {
         Self { warnings, ..Self::default() }
     }
 
-    /// Adds a material, and returns its index.
-    pub fn add_material(&mut self, material: Material) -> u32 {
+    /// Adds a material, and returns its index. Names come from files, so they are made fit to be
+    /// shown, here and in all other places where they enter the scene.
+    pub fn add_material(&mut self, mut material: Material) -> u32 {
+        material.name = for_display(&material.name);
         self.materials.push(material);
         self.materials.len() as u32 - 1
     }
@@ -180,7 +183,7 @@ impl Builder {
                 self.untextured.insert(material.name.clone());
             }
         }
-        self.groups.add(name, parts, transform)
+        self.groups.add(name.map(for_display).as_deref(), parts, transform)
     }
 
     /// Counts and places a group of meshes, which get the name `name`.
@@ -261,10 +264,12 @@ impl Builder {
             return Ok(ReadScene::Far(center));
         }
         let Contents { defaults, meters, mut names, may_lack_light, .. } = contents;
-        names.lights = contents.light_names.iter().flatten().cloned().collect();
+        let name = |name: &Option<String>| name.as_deref().map(for_display);
+        names.lights = contents.light_names.iter().filter_map(name).collect();
+        names.cameras.iter_mut().chain(&mut names.camera).for_each(|own| *own = for_display(own));
         let lit = contents.lights.iter().zip(&contents.light_names);
         let lit = lit.filter(|(light, _)| shines(light));
-        let light_names = lit.map(|(_, name)| name.clone()).collect();
+        let light_names = lit.map(|(_, own)| name(own)).collect();
         let has_camera = contents.camera.is_some();
         let arrangement = self.arrange(path)?;
         let camera = match contents.camera {
@@ -347,8 +352,8 @@ fn scene_name(path: &Path) -> String {
     let stem = path.file_stem().unwrap_or_default();
     let folder = path.canonicalize().ok().and_then(|full| Some(full.parent()?.to_owned()));
     match folder.as_deref().and_then(Path::file_name) {
-        Some(folder) if stem == "scene" => folder.to_string_lossy().into_owned(),
-        _ => stem.to_string_lossy().into_owned(),
+        Some(folder) if stem == "scene" => for_display(&folder.to_string_lossy()),
+        _ => for_display(&stem.to_string_lossy()),
     }
 }
 

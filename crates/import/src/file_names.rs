@@ -13,6 +13,34 @@ pub fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     find_exact(folder, name).or_else(|| by_parts(folder, &in_slashes(name)))
 }
 
+/// Finds the file of a name as [`find`] does, but only in `folder` and in folders in it.
+pub fn find_inside(folder: &Path, name: &str) -> Option<PathBuf> {
+    let slashed = in_slashes(name);
+    if leaves(name) {
+        return None;
+    }
+    let exact = if slashed.starts_with('/') { None } else { find_exact(folder, name) };
+    exact.or_else(|| by_parts(folder, &slashed))
+}
+
+/// Returns true if a name leads out of the folder that it is relative to. A name that begins at a
+/// root leads out if it has any `..`, since [`find_inside`] takes only the end of its path.
+pub fn leaves(name: &str) -> bool {
+    let name = in_slashes(name);
+    if name.starts_with('/') || name.as_bytes().get(1) == Some(&b':') {
+        return name.split('/').any(|part| part == "..");
+    }
+    let mut depth = 0i64;
+    name.split('/').any(|part| {
+        depth += match part {
+            "" | "." => 0,
+            ".." => -1,
+            _ => 1,
+        };
+        depth < 0
+    })
+}
+
 /// The name without quotes around it, with `/` as the separator.
 fn in_slashes(name: &str) -> String {
     name.trim().trim_matches(['"', '\'']).replace('\\', "/")
@@ -110,5 +138,28 @@ mod tests {
         for name in ["other/wood.png", "gone.png", "", "C:", "/"] {
             assert!(find(root, name).is_none_or(|found| found.is_dir()), "{name}");
         }
+    }
+
+    #[test]
+    fn names_inside_do_not_leave_the_folder() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("scene");
+        fs::create_dir_all(folder.join("tex")).unwrap();
+        for name in ["secret", "scene/tex/wood.png"] {
+            fs::write(root.path().join(name), "").unwrap();
+        }
+        let absolute = root.path().join("secret");
+        let absolute = absolute.to_str().unwrap();
+        for name in ["tex/wood.png", "tex/../tex/wood.png", "C:\\tex\\wood.png", "/x/tex/wood.png"]
+        {
+            assert!(!leaves(name) && find_inside(&folder, name).is_some(), "{name}");
+        }
+        for name in ["../secret", "tex/../../secret", "..\\secret", "'../secret'", "/x/../secret"] {
+            assert!(leaves(name) && find_inside(&folder, name).is_none(), "{name}");
+            assert!(find(&folder, name).is_some() || name.starts_with('/'), "{name}");
+        }
+        assert_eq!(find_inside(&folder, absolute), None);
+        assert_eq!(find_inside(&folder, &format!("\"{absolute}\"")), None);
+        assert!(find(&folder, absolute).is_some());
     }
 }

@@ -9,6 +9,7 @@
 
 mod builder;
 mod environment;
+mod excerpts;
 mod far;
 mod file_names;
 mod growth;

@@ -1,7 +1,7 @@
 //! Warnings about how a scene was read.
 
 use super::text::{list, problems};
-use bdpm_core::base::error::visible;
+use bdpm_core::base::names::visible;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{self, Write};

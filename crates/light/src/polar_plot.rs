@@ -1,5 +1,6 @@
 //! Luminous intensity distributions: the usual polar plot as SVG.
 
+use bdpm_core::base::names::for_display;
 use bdpm_core::image_io::{number, tick_step};
 use bdpm_core::scene::IntensityDistribution;
 use std::fmt::Write;
@@ -38,7 +39,7 @@ pub fn polar_plot(own: &IntensityDistribution, title: &str) -> String {
         let (sin, cos) = angle.to_radians().sin_cos();
         [center[0] + scale * intensity * sin, center[1] + scale * intensity * cos]
     };
-    let title: String = title.chars().filter(|c| !"<>&".contains(*c)).collect();
+    let title: String = for_display(title).chars().filter(|c| !"<>&".contains(*c)).collect();
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {SIZE} {height}\" \
          font-family=\"sans-serif\" font-size=\"13\">\n<rect width=\"{SIZE}\" height=\"{height}\" \

@@ -1,6 +1,7 @@
 //! Changes of a scene's camera that the user requests.
 
 use bdpm_core::base::error::{Error, Result};
+use bdpm_core::scene::transform::vector_between;
 use bdpm_core::scene::{Camera, FieldOfView, Optics};
 use bdpm_import::camera_of;
 use glam::{DVec3, Vec3};
@@ -97,15 +98,14 @@ impl CameraChange<'_> {
 
 impl LookAt {
     fn apply(&self, camera: &Camera, origin: DVec3) -> Result<Camera> {
-        let [position, target] =
-            [self.position, self.target].map(|point| (point - origin).as_vec3());
-        let direction = target - position;
+        let [position, target] = [self.position, self.target].map(|point| point - origin);
+        let direction = vector_between(position, target);
         let up = self.up.unwrap_or_else(|| upright_axis(camera, direction));
         let mut optics = camera.optics();
         if let Optics::ThinLens { focus_distance, .. } = &mut optics {
             *focus_distance = direction.length();
         }
-        Camera::with_optics(position, direction, up, optics)?.shifted(camera.shift())
+        Camera::with_optics(position.as_vec3(), direction, up, optics)?.shifted(camera.shift())
     }
 }
 

@@ -6,6 +6,7 @@ pub mod noise_plot;
 pub mod number;
 pub mod picture;
 
+use bdpm_core::base::names::visible;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 /// Style sheet of all pages.
@@ -16,9 +17,10 @@ const STYLE: &str = include_str!("style.css");
 const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 
-/// A whole page. `style` and `head` follow the shared style and head.
+/// A whole page. `style` and `head` follow the shared style and head. Characters that control the
+/// direction of text, which names from files may have, are replaced.
 pub fn document(title: &str, style: &str, head: &Markup, body: &Markup) -> Markup {
-    html! {
+    let page = html! {
         (DOCTYPE)
         html lang="en" {
             head {
@@ -31,7 +33,8 @@ pub fn document(title: &str, style: &str, head: &Markup, body: &Markup) -> Marku
             }
             body { (body) }
         }
-    }
+    };
+    PreEscaped(page.into_string().chars().map(visible).collect())
 }
 
 /// One row of column names. A name with the prefix `*` heads a column of text, one with the prefix
@@ -69,6 +72,10 @@ mod tests {
         let page = document("a", "", &html! {}, &html! { p { "b" } }).into_string();
         let policy = page.find("http-equiv=\"Content-Security-Policy\"").expect("a policy");
         assert!(page.contains("default-src 'none'; img-src data:"), "{page}");
+        let hostile = html! { p { "a\u{202e}b\x1b" } };
+        let page_of_hostile = document("\u{2066}", "", &html! {}, &hostile).into_string();
+        assert!(page_of_hostile.contains("a\u{fffd}b\u{fffd}"), "{page_of_hostile}");
+        assert!(page_of_hostile.contains("<title>\u{fffd}</title>"), "{page_of_hostile}");
         assert!(["<title>", "<style>", "<body>"].iter().all(|tag| page.find(tag) > Some(policy)));
     }
 }

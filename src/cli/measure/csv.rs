@@ -3,6 +3,7 @@
 use bdpm::Measurement;
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::{Error, Result};
+use bdpm::base::names::visible;
 use bdpm::measurement::Reading;
 use std::path::Path;
 
@@ -42,11 +43,14 @@ fn table(measurement: &Measurement) -> csv::Result<Vec<u8>> {
     writer.into_inner().map_err(|error| csv::Error::from(error.into_error()))
 }
 
+/// Starts of formulas in spreadsheets. Those of East Asia take wide characters for narrow ones.
+const FORMULA: [char; 11] = ['=', '+', '-', '@', '\t', '\r', '\n', '＝', '＋', '－', '＠'];
+
 /// A name as a field that spreadsheets read as text. An apostrophe precedes names that begin like a
-/// formula.
+/// formula. Characters that control a terminal or the direction of text are replaced.
 fn as_text(name: &str) -> String {
-    let is_formula = name.starts_with(['=', '+', '-', '@', '\t', '\r']);
-    if is_formula { format!("'{name}") } else { name.to_owned() }
+    let shown: String = name.chars().map(visible).collect();
+    if name.starts_with(FORMULA) { format!("'{shown}") } else { shown }
 }
 
 #[cfg(test)]
@@ -81,11 +85,12 @@ mod tests {
             set.groups = vec![("@lamp".to_owned(), vec![reading], reading)];
             set
         };
-        let names = ["=cmd", "+1", "-1", "@SUM", "\tx", "desk", "a=b", "'=1"];
+        let names = ["=cmd", "+1", "-1", "@SUM", "\tx", "desk", "a=b", "'=1", "＝1", "a\u{202e}b"];
         let measurement = measurement(names.map(set).into());
         let table = String::from_utf8(table(&measurement).unwrap()).unwrap();
         let rows: Vec<&str> = table.lines().skip(1).collect();
-        let expected = ["'=cmd", "'+1", "'-1", "'@SUM", "'\tx", "desk", "a=b", "'=1"];
+        let expected =
+            ["'=cmd", "'+1", "'-1", "'@SUM", "'\tx", "desk", "a=b", "'=1", "'＝1", "a\u{fffd}b"];
         assert_eq!(rows.len(), 2 * expected.len(), "{table}");
         for (rows, name) in rows.chunks(2).zip(expected) {
             assert!(rows[0].starts_with(&format!("{name},0,0,all,lx,-2.5,")), "{table}");

@@ -2,8 +2,10 @@
 
 use super::scene::SceneBuilder;
 use super::{DeviceConfig, EmbreeError, guard};
+use crate::shared_library;
 use embree4_sys as sys;
 use std::ffi::{CStr, c_char, c_void};
+use std::path::Path;
 use std::ptr::NonNull;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -107,7 +109,9 @@ impl Device {
     /// # Errors
     /// As [`Device::new`], and if the processor lacks the instructions that are asked for.
     pub fn with_config(config: DeviceConfig) -> Result<Self, EmbreeError> {
-        sys::load().map_err(|error| EmbreeError::Load { problem: error.to_string() })?;
+        let check = |file: &Path| shared_library::check(file, &["libembree4", "libtbb"]);
+        sys::load_checked(check)
+            .map_err(|error| EmbreeError::Load { problem: error.to_string() })?;
         let text = config.text();
         // SAFETY: null asks for this thread's error without a device; reading clears a stale one.
         unsafe { sys::rtcGetDeviceError(std::ptr::null_mut()) };

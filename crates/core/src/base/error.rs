@@ -1,5 +1,6 @@
 //! The one error type: a problem, its location in a file, and advice.
 
+use super::names::visible;
 use std::fmt::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -80,7 +81,13 @@ impl Error {
     pub fn interrupted() -> Self {
         let advice = "let the first iteration end, or ask for fewer paths";
         let problem = "interrupted before the first iteration was done: there is no image";
-        Self { is_interrupt: true, ..Self::new(problem, advice) }
+        Self::new(problem, advice).by_interrupt()
+    }
+
+    /// Marks the error as the result of an interrupt by the user.
+    #[must_use]
+    pub fn by_interrupt(self) -> Self {
+        Self { is_interrupt: true, ..self }
     }
 
     /// Returns true if the user interrupted the program.
@@ -113,6 +120,16 @@ impl Error {
         self.location.is_some()
     }
 
+    /// Replaces this error, and further independent ones, by the error that `replacement` returns
+    /// for it, if there is one.
+    #[must_use]
+    pub fn replaced(mut self, replacement: &impl Fn(&Self) -> Option<Self>) -> Self {
+        let others = std::mem::take(&mut self.others).into_iter();
+        let others = others.map(|other| other.replaced(replacement)).collect();
+        let is_interrupt = self.is_interrupt;
+        Self { others, is_interrupt, ..replacement(&self).unwrap_or(self) }
+    }
+
     /// Names the file.
     #[must_use]
     pub fn at(mut self, path: impl Into<PathBuf>) -> Self {
@@ -120,7 +137,7 @@ impl Error {
         self
     }
 
-    /// Names the one-based line and shows its text; needs [`Self::at`] first.
+    /// Names the one-based line and shows its text, unless it is empty; needs [`Self::at`] first.
     #[must_use]
     pub fn line(mut self, number: usize, text: impl Into<String>) -> Self {
         if let Some(location) = &mut self.location {
@@ -142,12 +159,6 @@ impl Error {
     }
 }
 
-/// The character, or a replacement of one that controls a terminal: names and lines of files are
-/// shown.
-pub fn visible(c: char) -> char {
-    if c.is_control() && c != '\t' && c != '\n' { '\u{fffd}' } else { c }
-}
-
 /// Writes text from a file, whose names also get into paths and advice.
 fn write_visible(f: &mut fmt::Formatter<'_>, text: &str) -> fmt::Result {
     text.chars().try_for_each(|c| f.write_char(visible(c)))
@@ -165,6 +176,7 @@ impl fmt::Display for Error {
         write_visible(f, &self.problem)?;
         if let Some((number, text)) =
             self.location.as_ref().and_then(|location| location.line.as_ref())
+            && !text.is_empty()
         {
             // A minified file may be one long line: show its beginning only.
             let shown: String = text.chars().take(120).map(visible).collect();
@@ -204,7 +216,7 @@ mod tests {
         let text = format!("\x1b[2J{}", "x".repeat(1000));
         let shown = Error::new("p", "a").at("f").line(1, text).to_string();
         assert!(shown.len() < 160 && !shown.contains('\x1b'), "{shown}");
-        let hostile = "a\x1b[2J\u{9b}b";
+        let hostile = "a\x1b[2J\u{202e}b";
         let shown = Error::new(hostile, hostile).at(hostile).line(1, hostile).to_string();
         assert_eq!(shown.matches("a\u{fffd}[2J\u{fffd}b").count(), 4, "{shown}");
     }

@@ -311,6 +311,17 @@ mod tests {
         assert!((second(&|color| color.z) - 8.4).abs() < 0.05, "{}", second(&|color| color.z));
     }
 
+    /// As docs/reference/output-files.md states: negative pixels of few paths are meant.
+    #[test]
+    fn every_wavelength_is_outside_of_rec_709_by_the_stated_amounts() {
+        let colors = || Wavelength::all().map(Wavelength::color);
+        assert!(colors().all(|color| color.min_element() < 0.0));
+        let low = colors().fold(Rgb::ZERO, Rgb::min);
+        let high = colors().fold(Rgb::ZERO, Rgb::max);
+        assert!((low - Rgb::new(-2.3, -1.2, -0.2)).abs().max_element() < 0.05, "{low}");
+        assert!((high - Rgb::new(6.1, 2.1, 8.3)).abs().max_element() < 0.05, "{high}");
+    }
+
     #[test]
     fn wavelengths_are_drawn_by_their_probabilities() {
         let mut rng = StreamKey::new(1, Stream::Test, 54).rng(0);

@@ -6,6 +6,7 @@ use super::{Scene, View};
 use crate::accel::Ray;
 use crate::base::error::{Error, Result};
 use crate::base::math::{Frame, cosine_hemisphere};
+use crate::base::names::for_display;
 use glam::Vec3;
 use serde::Serialize;
 use std::f32::consts::{PI, TAU};
@@ -121,7 +122,8 @@ pub struct MeterSet {
 impl MeterSet {
     /// A set of a single meter.
     pub fn single(name: impl Into<String>, kind: MeterKind, meter: Meter) -> Self {
-        Self { name: name.into(), kind, grid: [1, 1], frame: None, meters: vec![meter] }
+        let name = for_display(&name.into());
+        Self { name, kind, grid: [1, 1], frame: None, meters: vec![meter] }
     }
 
     /// Irradiance in the centers of the cells of a parallelogram, which starts at `corner`. Columns
@@ -153,7 +155,8 @@ impl MeterSet {
         };
         let meters = (0..cells as u32).map(cell).collect::<Result<_>>()?;
         let frame = Some([corner, edges[0], edges[1]]);
-        Ok(Self { name: name.into(), kind: MeterKind::Irradiance, grid, frame, meters })
+        let name = for_display(&name.into());
+        Ok(Self { name, kind: MeterKind::Irradiance, grid, frame, meters })
     }
 
     /// Returns true if the set is a grid of several meters.

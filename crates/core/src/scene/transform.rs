@@ -208,6 +208,15 @@ pub fn normalized(vector: Vec3) -> Vec3 {
     vector.as_dvec3().normalize_or_zero().as_vec3()
 }
 
+/// The vector from one point to another. Far from the origin, positions in single precision have
+/// steps larger than their distance: the vector is then that of the points in double precision.
+pub fn vector_between(from: DVec3, to: DVec3) -> Vec3 {
+    /// Maximum error of the difference of rounded positions, as a share of its length.
+    const MAX_ERROR: f32 = 1e-4;
+    let (rounded, exact) = (to.as_vec3() - from.as_vec3(), (to - from).as_vec3());
+    if rounded.distance(exact) <= MAX_ERROR * exact.length() { rounded } else { exact }
+}
+
 /// Sine and cosine of an angle in degrees, exact for multiples of 90.
 fn sin_cos(degrees: f64) -> (f64, f64) {
     let quarters = degrees / 90.0;
@@ -224,6 +233,19 @@ mod tests {
 
     fn parts(translate: [f64; 3], rotate: [f64; 3], scale: [f64; 3]) -> Transform {
         Transform::from_parts(translate.into(), rotate.into(), scale.into()).unwrap()
+    }
+
+    #[test]
+    fn vectors_between_far_points_are_exact_and_others_those_of_rounded_points() {
+        let between = |from: f64, to: f64| {
+            vector_between(DVec3::new(from, 0.1, 0.0), DVec3::new(to, 0.3, 0.0))
+        };
+        assert_eq!(between(0.1, 0.7), Vec3::new(0.7f32 - 0.1, 0.3f32 - 0.1, 0.0));
+        for far in [1e8, -1e12] {
+            let exact = DVec3::new((far + 3.0) - far, 0.3 - 0.1, 0.0).as_vec3();
+            assert_eq!(between(far, far + 3.0), exact);
+        }
+        assert_eq!(vector_between(DVec3::splat(1e8), DVec3::splat(1e8)), Vec3::ZERO);
     }
 
     #[test]

@@ -17,6 +17,8 @@ pub use toml::{NamedMesh, read_meshes};
 pub use super::builder::ImportOptions;
 
 use super::builder::{Imported, ReadScene};
+use super::environment::EnvironmentSource;
+use super::excerpts::ShownFiles;
 use super::text::{self, placed_at};
 use bdpm_core::base::error::{Error, Result};
 pub use bdpm_core::base::input::extension;
@@ -70,7 +72,20 @@ pub fn read(path: &Path, options: &ImportOptions) -> Result<Imported> {
         }
     };
     let read = ReadScene::near(options, |options| read_file(path, options));
-    read.map_err(|error| placed_at(error, path))
+    shown(read.map_err(|error| placed_at(error, path)), path, options)
+}
+
+/// The scene of a file, or its error, without excerpts of files outside of its folder.
+fn shown(read: Result<Imported>, path: &Path, options: &ImportOptions) -> Result<Imported> {
+    let given = match options.environment {
+        Some(EnvironmentSource::File(given)) => Some(&**given),
+        _ => None,
+    };
+    let files = ShownFiles::of(path, given);
+    let mut imported = read.map_err(|error| files.error(error))?;
+    let warnings = std::mem::take(&mut imported.warnings).into_iter();
+    imported.warnings = warnings.map(|warning| files.warning(warning)).collect();
+    Ok(imported)
 }
 
 /// The camera of a scene for one whose origin is at this point, and the resolution that its file

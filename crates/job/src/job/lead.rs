@@ -81,7 +81,8 @@ impl RenderJob {
         let mut denoising = None;
         if self.denoise {
             let threads = threads.current_num_threads();
-            denoising = Denoising::new(threads, settings.resolution(), &stop)?;
+            let interrupt = Arc::clone(&self.interrupt);
+            denoising = Denoising::new(threads, settings.resolution(), &stop, interrupt)?;
             if denoising.is_none() {
                 self.leave_out_denoising("it would take too much of the time", observer);
             }

@@ -12,6 +12,7 @@ use bdpm_core::base::memory::available_memory;
 use bdpm_core::render::{MemoryNeed, check_has_light};
 use bdpm_core::settings::combinations;
 use bdpm_core::settings::provenance::Provenance;
+use std::sync::Arc;
 
 /// Outline of a job.
 #[derive(Clone, Debug)]
@@ -108,7 +109,9 @@ impl RenderJob {
         self.batch_grain(&provenance.settings)?;
         if self.denoise {
             let size = provenance.settings.resolution();
-            Denoising::new(threads.current_num_threads(), size, &self.stop_with_default())?;
+            let interrupt = Arc::clone(&self.interrupt);
+            let threads = threads.current_num_threads();
+            Denoising::new(threads, size, &self.stop_with_default(), interrupt)?;
         }
         let (Some(time), Some(counts)) = (self.stop.time, self.fixed_counts(provenance)) else {
             return Ok(None);

@@ -8,6 +8,7 @@ use crate::output::denoise;
 use crate::output::layers::LayerSelection;
 use crate::output::recorded_camera::record;
 use crate::output::recorded_error::{RecordedError, record_pooled_rms};
+use crate::output::recorded_gamut::record_gamut;
 use bdpm_auto::adaptive::error_interval::{ErrorInterval, SquaredPart};
 use bdpm_auto::adaptive::plan::Plan;
 use bdpm_auto::adaptive::stopping::{Convergence, StoppedBy, importance};
@@ -178,6 +179,7 @@ impl RenderResult {
         layers.extend(self.state.denoised().into_iter().flat_map(denoise::layers));
         let mut metadata = self.state.provenance.to_metadata();
         record(self.state.camera(), &mut metadata);
+        record_gamut(self.state.renderer.scene_and_accel().0, &mut metadata);
         metadata.insert("iterations".into(), Value::Number(image.iterations() as f64));
         if let Some((rms, _)) = self.rms {
             record_pooled_rms(&mut metadata, rms);

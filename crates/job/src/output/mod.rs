@@ -5,4 +5,5 @@ pub mod denoise;
 pub mod layers;
 pub mod merge;
 pub mod recorded_camera;
+pub mod recorded_gamut;
 pub mod recorded_error;

@@ -16,6 +16,7 @@ pub use orthographic::Extent;
 pub use perspective::FieldOfView;
 pub use view::View;
 
+use super::transform::normalized;
 use crate::base::error::{Error, Result};
 use crate::settings::Settings;
 use glam::Vec3;
@@ -69,8 +70,8 @@ impl Camera {
         }
         optics.validate()?;
         let aim = [direction, up];
-        let forward = direction.normalize_or_zero();
-        let right = forward.cross(up.normalize_or_zero()).normalize_or_zero();
+        let forward = unit(direction);
+        let right = forward.cross(unit(up)).normalize_or_zero();
         if right == Vec3::ZERO {
             return Err(Error::new(
                 "the camera's direction and up vector are parallel or zero",
@@ -189,6 +190,13 @@ impl Camera {
     }
 }
 
+/// The unit vector along a vector of any length; zero stays zero.
+fn unit(vector: Vec3) -> Vec3 {
+    let own = vector.normalize_or_zero();
+    // Squares of very long and very short vectors are out of range.
+    if own == Vec3::ZERO { normalized(vector) } else { own }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -219,6 +227,13 @@ mod tests {
         let look = |d, up, degrees| Camera::look(Vec3::ZERO, d, up, FieldOfView::X(degrees));
         assert!(look(Vec3::Y, Vec3::Y, 40.0).is_err());
         assert!(look(Vec3::ZERO, Vec3::Y, 40.0).is_err());
+        for length in [1e-30, 1e30] {
+            assert_eq!(
+                look(length * Vec3::Z, length * Vec3::Y, 40.0).unwrap().direction(),
+                Vec3::Z
+            );
+            assert!(look(length * Vec3::Y, Vec3::Y, 40.0).is_err());
+        }
         assert!(look(Vec3::new(f32::NAN, 0.0, 1.0), Vec3::Y, 40.0).is_err());
         for degrees in [0.0, -1.0, 180.0, f32::NAN] {
             assert!(look(Vec3::Z, Vec3::Y, degrees).is_err(), "{degrees}");

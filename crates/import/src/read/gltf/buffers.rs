@@ -2,8 +2,8 @@
 
 use super::json::{GltfDocument, get};
 use super::{EXPORT_AGAIN, malformed};
-use crate::file_names::is_guess;
-use crate::text::{find, read_bytes};
+use crate::file_names::{find_inside, is_guess, leaves};
+use crate::text::read_bytes;
 use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
@@ -39,6 +39,7 @@ pub(super) struct ViewBytes<'a> {
 impl<'a> Buffers<'a> {
     /// Reads all buffers; `bin` is the one in a GLB file.
     pub fn load(document: &'a GltfDocument, bin: Option<Vec<u8>>, folder: &Path) -> Result<Self> {
+        check_uris(document)?;
         let bin = bin.map(Arc::new);
         // Many buffers may be in one file, which is read once.
         let mut longest: HashMap<&str, u64> = HashMap::new();
@@ -115,22 +116,47 @@ fn file_of(uri: &str, folder: &Path, element: &str) -> Result<PathBuf> {
     }
     // In the standard percent signs are escapes, but not all exporters comply.
     let names = [percent_decoded(uri), Some(uri.to_owned())];
-    names.into_iter().flatten().find_map(|name| find(folder, &name)).ok_or_else(|| {
+    names.into_iter().flatten().find_map(|name| find_inside(folder, &name)).ok_or_else(|| {
         let advice = format!("put the file into the folder of the scene, or {EXPORT_AGAIN}");
         Error::new(format!("{element}: there is no file `{shown}`"), advice)
     })
 }
 
+/// URIs of files, each with its element.
+fn files(document: &GltfDocument) -> impl Iterator<Item = (String, &String)> {
+    let buffers = document.buffers.iter().map(|own| &own.uri).enumerate();
+    let images = document.images.iter().map(|own| &own.uri).enumerate();
+    let profiles = document.extensions.ies.lights.iter().map(|own| &own.uri).enumerate();
+    let buffers = buffers.map(|(index, uri)| (format!("buffers[{index}].uri"), uri));
+    let images = images.map(|(index, uri)| (format!("images[{index}].uri"), uri));
+    let profiles = profiles
+        .map(|(index, uri)| (format!("extensions.EXT_lights_ies.lights[{index}].uri"), uri));
+    let uris = buffers.chain(images).chain(profiles);
+    let uris = uris.filter_map(|(element, uri)| Some((element, uri.as_ref()?)));
+    uris.filter(|(_, uri)| !uri.starts_with("data:") && !uri.contains("://"))
+}
+
+/// Refuses files above the folder of the scene, which a stranger's file has no claim to.
+fn check_uris(document: &GltfDocument) -> Result<()> {
+    for (element, uri) in files(document) {
+        if leaves(uri) || percent_decoded(uri).is_some_and(|name| leaves(&name)) {
+            let shown: String = uri.chars().take(120).collect();
+            let problem = format!("{element}: `{shown}` leads out of the folder of the scene");
+            let advice = "put the file into the folder of the scene and name it there, or export a \
+                          .glb file, which holds its buffers and pictures";
+            return Err(Error::new(problem, advice));
+        }
+    }
+    Ok(())
+}
+
 /// Names of files of the document that were found under other names.
 pub(super) fn guessed(document: &GltfDocument, folder: &Path) -> BTreeSet<String> {
-    let buffers = document.buffers.iter().map(|own| &own.uri);
-    let images = document.images.iter().map(|own| &own.uri);
-    let profiles = document.extensions.ies.lights.iter().map(|own| &own.uri);
-    let uris = buffers.chain(images).chain(profiles).flatten();
-    let files = uris.filter(|uri| !uri.starts_with("data:") && !uri.contains("://"));
+    let files = files(document).map(|(_, uri)| uri);
     let is_other = |uri: &&String| {
         let names = [percent_decoded(uri), Some((*uri).clone())];
-        let found = names.into_iter().flatten().find_map(|name| Some((find(folder, &name)?, name)));
+        let found =
+            names.into_iter().flatten().find_map(|name| Some((find_inside(folder, &name)?, name)));
         found.is_some_and(|(path, name)| is_guess(folder, &name, &path))
     };
     files.filter(is_other).cloned().collect()

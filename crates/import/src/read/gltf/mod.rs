@@ -22,7 +22,8 @@ use super::ImportOptions;
 use crate::builder::{Builder, Contents, FileNames, ReadScene, out_of_range};
 use crate::text::list;
 use crate::warnings::Warning;
-use bdpm_core::base::error::{Error, Result, visible};
+use bdpm_core::base::error::{Error, Result};
+use bdpm_core::base::names::for_display;
 use bdpm_core::scene::transform::Transform;
 use bdpm_core::settings::PartialSettings;
 use buffers::Buffers;
@@ -171,5 +172,5 @@ fn document_warnings(document: &GltfDocument, shown: &str) -> Vec<Warning> {
 /// The first name that is not empty, without characters that would control a terminal.
 fn first_name<const N: usize>(names: [&str; N], default: impl Fn() -> String) -> String {
     let named = names.into_iter().find(|name| !name.is_empty());
-    named.map_or_else(default, |name| name.chars().map(visible).collect())
+    named.map_or_else(default, |name| for_display(name))
 }

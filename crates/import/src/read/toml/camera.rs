@@ -65,7 +65,7 @@ impl CameraTable {
     pub fn camera(&self, origin: DVec3) -> Result<Camera> {
         let position = self.position.relative_to(origin);
         let direction = match (self.target, self.direction) {
-            (Some(target), None) => target.relative_to(origin) - position,
+            (Some(target), None) => self.position.vector_to(target, origin),
             (None, Some(direction)) => direction.0,
             _ => {
                 let advice = "give the point it looks at as `target`, or a vector as `direction`";

@@ -10,7 +10,7 @@ use super::meter::MeterTable;
 use super::parse::parse_table;
 use super::sky::SkyTable;
 use bdpm_core::base::error::{Error, Result};
-use bdpm_core::scene::transform::MAX_COORDINATE;
+use bdpm_core::scene::transform::{MAX_COORDINATE, vector_between};
 use bdpm_core::scene::{Camera, MAX_METERS, MeterSet};
 use bdpm_core::settings::{FixedArray, PartialSettings, as_serde};
 use glam::{DVec3, Vec3};
@@ -114,6 +114,12 @@ impl Position {
     /// The position in a scene whose origin is at this point of the file.
     pub fn relative_to(self, origin: DVec3) -> Vec3 {
         (self.0 - origin).as_vec3()
+    }
+
+    /// The vector from this position to another one, in a scene whose origin is at this point of
+    /// the file.
+    pub fn vector_to(self, other: Self, origin: DVec3) -> Vec3 {
+        vector_between(self.0 - origin, other.0 - origin)
     }
 }
 

@@ -188,9 +188,10 @@ impl LightTable {
     }
 
     fn spot(&self, origin: DVec3) -> Result<Emitter> {
-        let position = self.need("position", self.position)?.relative_to(origin);
+        let in_file = self.need("position", self.position)?;
+        let position = in_file.relative_to(origin);
         let direction = match (self.target, self.direction) {
-            (Some(target), None) => target.relative_to(origin) - position,
+            (Some(target), None) => in_file.vector_to(target, origin),
             (None, Some(direction)) => direction.0,
             _ => {
                 let advice = "give the point it shines at as `target`, or a vector as `direction`";

@@ -37,9 +37,7 @@ impl MeterTable {
         let name = self.name.clone().unwrap_or_else(|| format!("meter {number}"));
         let has_grid = self.edges.is_some() || self.columns.is_some() || self.rows.is_some();
         match (self.position, self.corner) {
-            (Some(position), None) if !has_grid => {
-                self.single(name, position.relative_to(origin), origin)
-            }
+            (Some(position), None) if !has_grid => self.single(name, position, origin),
             (None, Some(corner)) => self.grid(name, corner.relative_to(origin)),
             _ => Err(Error::new(
                 "the meter is neither a point nor a grid",
@@ -48,10 +46,11 @@ impl MeterTable {
         }
     }
 
-    fn single(&self, name: String, position: Vec3, origin: DVec3) -> Result<MeterSet> {
+    fn single(&self, name: String, in_file: Position, origin: DVec3) -> Result<MeterSet> {
+        let position = in_file.relative_to(origin);
         let axis = match (self.direction, self.target) {
             (Some(direction), None) => Some(direction.0),
-            (None, Some(target)) => Some(target.relative_to(origin) - position),
+            (None, Some(target)) => Some(in_file.vector_to(target, origin)),
             (None, None) => None,
             _ => {
                 let problem = "the meter has both a `direction` and a `target`";

@@ -54,7 +54,8 @@ pub fn read_meshes(
     meshes: &[NamedMesh],
     options: &ImportOptions,
 ) -> Result<Imported> {
-    ReadScene::near(options, |options| read_once(path, text, meshes, options))
+    let read = ReadScene::near(options, |options| read_once(path, text, meshes, options));
+    super::shown(read, path, options)
 }
 
 /// Reads a scene as [`read_meshes`] does, unless it is far from the origin.

@@ -2,15 +2,20 @@
 //!
 //! Besides the Embree layer, this is the only module with `unsafe`. [`Oidn`] is its safe interface.
 
+mod cancellation;
 mod library;
 
 use super::Guides;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
+use cancellation::{Cancellation, goes_on};
 use glam::Vec3;
 use library::{Functions, Handle};
 use std::ffi::{CStr, c_int, c_void};
 use std::ptr;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
 
 /// `OIDN_DEVICE_TYPE_CPU`.
 const CPU: c_int = 1;
@@ -18,6 +23,9 @@ const CPU: c_int = 1;
 /// `OIDN_FORMAT_FLOAT3`, as [`Vec3`] is laid out.
 const FLOAT3: c_int = 3;
 const _: () = assert!(size_of::<Vec3>() == 12 && align_of::<Vec3>() == 4);
+
+/// `OIDN_ERROR_CANCELLED`.
+const CANCELED: c_int = 6;
 
 /// Number of filters that are kept: one for the whole image, and one for its tiles. Each holds
 /// copies of its images.
@@ -39,6 +47,8 @@ pub struct Oidn {
     device: Handle,
     functions: Functions,
     quality: Quality,
+    /// The interrupt that ends a run.
+    cancellation: Arc<Cancellation>,
     /// The latest filters, at most [`MAX_FILTERS`]. A run with the parameters of one of them uses
     /// it again.
     filters: Vec<Filter>,
@@ -71,7 +81,13 @@ impl Oidn {
             let problem = "Open Image Denoise does not run on this processor";
             return Err(Error::new(problem, "render without denoising"));
         }
-        let oidn = Self { device, functions, quality: Quality::High, filters: Vec::new() };
+        let oidn = Self {
+            device,
+            functions,
+            quality: Quality::High,
+            cancellation: Arc::default(),
+            filters: Vec::new(),
+        };
         let threads = c_int::try_from(threads).unwrap_or(0);
         // SAFETY: the device lives, names end in a zero byte, and types are those that the
         // reference gives.
@@ -90,6 +106,20 @@ impl Oidn {
         // SAFETY: as above.
         let version = unsafe { (self.functions.get_device_int)(self.device, c"version".as_ptr()) };
         format!("{}.{}.{}", version / 10_000, version / 100 % 100, version % 100)
+    }
+
+    /// Cancels runs once this flag is set. They then fail with an error that
+    /// [is an interrupt](Error::is_interrupt).
+    #[must_use]
+    pub fn interrupted_by(mut self, interrupt: Arc<AtomicBool>) -> Self {
+        self.filters.clear(); // They know the earlier flag.
+        self.cancellation = Arc::new(Cancellation::new(interrupt));
+        self
+    }
+
+    /// Lets later runs ignore the interrupt until this time; `None` for none.
+    pub fn run_until(&mut self, time: Option<Instant>) {
+        self.cancellation.ignore_until(time);
     }
 
     /// Sets the quality of all later runs [default: high].
@@ -135,13 +165,16 @@ impl Oidn {
         Ok(Guides { albedo, normal, clean: true })
     }
 
-    /// Runs a filter for ray-traced images once.
+    /// Runs a filter for ray-traced images once, unless the run is canceled.
     fn run(
         &mut self,
         size: (u32, u32),
         inputs: &[(&'static CStr, &[Vec3])],
         switches: &[(&'static CStr, bool)],
     ) -> Result<Vec<Rgb>> {
+        if self.cancellation.is_canceled() {
+            return Err(canceled());
+        }
         let names = inputs.iter().map(|(name, _)| *name).collect();
         let key = FilterKey { size, names, switches: switches.to_vec(), quality: self.quality };
         let mut filter = match self.filters.iter().position(|filter| filter.key == key) {
@@ -176,7 +209,8 @@ impl Oidn {
         let black = vec![Rgb::ZERO; width * height];
         let inputs = vec![black.clone(); key.names.len()];
         let release = self.functions.release_filter;
-        let mut filter = Filter { handle, release, key, inputs, output: black };
+        let cancellation = Arc::clone(&self.cancellation);
+        let mut filter = Filter { handle, release, key, inputs, output: black, cancellation };
         let set = |name: &CStr, data: *mut c_void| {
             // SAFETY: `data` points to `width * height` packed triples of f32. The filter owns
             // these images, never resizes them, and is released before they are dropped.
@@ -193,6 +227,10 @@ impl Oidn {
             // SAFETY: the filter lives, and the name is one of the reference.
             unsafe { (self.functions.set_filter_bool)(handle, name.as_ptr(), *value) };
         }
+        let cancellation = Arc::as_ptr(&filter.cancellation).cast_mut().cast();
+        // SAFETY: the filter lives. `goes_on` has the type of the reference. Its pointer is that of
+        // a `Cancellation`, which the filter keeps alive until it is released.
+        unsafe { (self.functions.set_filter_progress_monitor)(handle, goes_on, cancellation) };
         // SAFETY: the filter lives, the name and the value are among those of the reference, and
         // all images are set.
         unsafe {
@@ -212,6 +250,9 @@ impl Oidn {
         if code == 0 {
             return Ok(());
         }
+        if code == CANCELED {
+            return Err(canceled());
+        }
         let text = if text.is_null() {
             String::new()
         } else {
@@ -221,6 +262,12 @@ impl Oidn {
         let help = "use a lower resolution, or render without denoising";
         Err(Error::new(format!("Open Image Denoise failed: {text} (error {code})"), help))
     }
+}
+
+/// The error of a canceled run.
+fn canceled() -> Error {
+    let advice = "let the denoiser end, or render without denoising";
+    Error::new("denoising was interrupted", advice).by_interrupt()
 }
 
 /// Parameters of a filter.
@@ -244,12 +291,14 @@ struct Filter {
     inputs: Vec<Vec<Vec3>>,
     /// Image that the filter writes.
     output: Vec<Vec3>,
+    /// Read by the library while the filter runs.
+    cancellation: Arc<Cancellation>,
 }
 
 impl Drop for Filter {
     fn drop(&mut self) {
-        // SAFETY: the handle is that of `oidnNewFilter`, released once, before its device and
-        // before its images.
+        // SAFETY: the handle is that of `oidnNewFilter`, released once, before its device,
+        // its images and its cancellation.
         unsafe { (self.release)(self.handle) };
     }
 }

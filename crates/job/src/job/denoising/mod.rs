@@ -1,21 +1,24 @@
 //! Denoising in a job: when the denoiser runs, the time that is reserved for it, and the error of
 //! its result.
 
+mod report;
+
+pub use report::{DenoisedPromise, DenoisedReport};
+
 use crate::output::denoise::{
     Denoised, ErrorSummary, Guides, Oidn, Quality, TILE, Validation, Window, denoise, guides,
 };
-use crate::output::recorded_error::RecordedDenoisedError;
 use bdpm_auto::adaptive::error_interval::{ErrorInterval, SquaredPart};
 use bdpm_auto::adaptive::stopping::Stop;
-use bdpm_core::base::error::Result;
+use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
 use bdpm_core::film::folds::DENOISE_FOLDS;
 use bdpm_core::noise::merge_bias::UPPER_BOUND;
 use bdpm_core::render::Renderer;
 use bdpm_core::render::block::CombinedImage;
-use serde::Serialize;
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Maximum share of the given time for all runs of the denoiser.
@@ -70,6 +73,10 @@ const MIN_NOISE_FOR_UNKNOWN_ERROR: f64 = 0.1;
 /// Minimum number of tiles in which the error is estimated, if it is not estimated in the whole
 /// image.
 const MIN_TILES: usize = 4;
+
+/// Maximum time of denoising the final image after an interrupt. Systems that shut down and
+/// schedulers kill programs 10 s or more after they asked them to end.
+const AFTER_INTERRUPT: Duration = Duration::from_secs(5);
 
 /// Effort of denoising an image with its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -134,8 +141,13 @@ pub struct Denoising {
     oidn: Mutex<Oidn>,
     size: (u32, u32),
     effort: Effort,
+    /// Time of a run of [`Quality::Fast`] on the whole image.
+    run_time: Duration,
     /// Time of the runs at the end, which is reserved from the given time.
     reserve: Duration,
+    interrupt: Arc<AtomicBool>,
+    /// True if an interrupt ended or prevented the denoising of the final image.
+    is_interrupted: bool,
     /// True if the estimate at a part of the time showed that denoising does not pay.
     is_given_up: bool,
     /// Time of all runs.
@@ -150,48 +162,18 @@ pub struct Denoising {
     pub promise: Option<DenoisedPromise>,
 }
 
-/// A promise about the relative error of the denoised image at the end.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct DenoisedPromise {
-    /// Relative RMS error at the end: noise and the biases of denoiser and merging.
-    pub error: f64,
-    /// Rendering time at which the promise was made, seconds.
-    pub said_after: f64,
-}
-
-/// Error and time of denoising, for reports.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct DenoisedReport {
-    /// Relative RMS error, including the denoiser's bias.
-    pub relative_error: Option<f64>,
-    /// Relative RMS error including the merge bias as well.
-    pub total_error: Option<f64>,
-    /// Range in which the true relative error should lie.
-    pub interval: Option<ErrorInterval>,
-    /// Squared errors and their components.
-    pub error: Option<ErrorSummary>,
-    /// The promised error, if one was made.
-    pub promise: Option<DenoisedPromise>,
-    /// True if the raw image is the result: it has the smaller error, or denoising was given up.
-    pub is_raw: bool,
-    /// Time of all runs of the denoiser, seconds.
-    pub seconds: f64,
-}
-
-impl DenoisedReport {
-    /// The error as an image file states it, if it was estimated.
-    pub fn recorded(&self) -> Option<RecordedDenoisedError> {
-        Some(RecordedDenoisedError { total: self.total_error?, interval: self.interval })
-    }
-}
-
 impl Denoising {
     /// Loads the denoiser and measures the time of a run on a small image. `stop` decides the
     /// effort: the best one whose time is at most 12 % of a given time, or a single run in at most
-    /// 25 %. `None` if there is none.
-    pub fn new(threads: usize, size: (u32, u32), stop: &Stop) -> Result<Option<Self>> {
+    /// 25 %. `None` if there is none. `interrupt` ends runs of the denoiser.
+    pub fn new(
+        threads: usize,
+        size: (u32, u32),
+        stop: &Stop,
+        interrupt: Arc<AtomicBool>,
+    ) -> Result<Option<Self>> {
         let start = Instant::now();
-        let mut oidn = Oidn::new(threads)?;
+        let mut oidn = Oidn::new(threads)?.interrupted_by(Arc::clone(&interrupt));
         oidn.set_quality(Quality::Fast);
         let small = (size.0.min(TIMED_SIDE), size.1.min(TIMED_SIDE));
         let [pixels, small_pixels] =
@@ -200,7 +182,11 @@ impl Denoising {
         let guides = Guides { albedo: gray.clone(), normal: gray.clone(), clean: true };
         let mut timed_run = || {
             let start = Instant::now();
-            oidn.denoise(small, &gray, &guides).map(|_| start.elapsed())
+            let denoised = oidn.denoise(small, &gray, &guides);
+            denoised.map(|_| start.elapsed()).map_err(|error| match error.is_interrupt() {
+                true => Error::interrupted(), // There is no image yet.
+                false => error,
+            })
         };
         // The first run also reads the library's weights.
         timed_run()?;
@@ -224,7 +210,10 @@ impl Denoising {
             oidn: Mutex::new(oidn),
             size,
             effort,
+            run_time,
             reserve: run_time.mul_f64(effort.runs(pixels)),
+            interrupt,
+            is_interrupted: false,
             is_given_up: false,
             time,
             next_check: Duration::ZERO,
@@ -248,13 +237,40 @@ impl Denoising {
 
     /// Denoises the image, with its error if there is time for that. Keeps the latest result if the
     /// image has no new iterations. Does nothing once denoising is given up.
+    ///
+    /// An interrupt during the run gives up denoising: the raw image is there at once. After an
+    /// earlier interrupt the run has 5 seconds, with the effort that fits in them.
     pub fn denoise(&mut self, renderer: &Renderer, image: &CombinedImage) -> Result<()> {
         let iterations = image.iterations();
-        if !self.is_given_up && (self.latest.is_none() || iterations != self.iterations) {
-            self.latest = Some(self.run(renderer, image, self.effort.folds)?);
-            self.iterations = iterations;
+        if self.is_given_up || self.latest.is_some() && iterations == self.iterations {
+            return Ok(());
+        }
+        let was_interrupted = self.interrupt.load(Ordering::Relaxed);
+        let end = was_interrupted.then(|| Instant::now() + AFTER_INTERRUPT);
+        let effort =
+            if was_interrupted { self.effort_after_interrupt() } else { Some(self.effort) };
+        let denoised = effort.map(|effort| self.run(renderer, image, effort, end)).transpose();
+        match denoised {
+            Ok(Some(denoised)) => {
+                self.latest = Some(denoised);
+                self.iterations = iterations;
+            }
+            Err(error) if !error.is_interrupt() => return Err(error),
+            _ => {
+                self.is_interrupted = true;
+                self.give_up();
+            }
         }
         Ok(())
+    }
+
+    /// The effort that fits in the time after an interrupt; `None` if there is none.
+    fn effort_after_interrupt(&self) -> Option<Effort> {
+        if self.reserve <= AFTER_INTERRUPT {
+            return Some(self.effort);
+        }
+        let pixels = f64::from(self.size.0) * f64::from(self.size.1);
+        Effort::within(AFTER_INTERRUPT.div_duration_f64(self.run_time), pixels)
     }
 
     /// Gives up denoising: the raw image is the result.
@@ -265,23 +281,28 @@ impl Denoising {
 
     /// Denoises the image without its error.
     pub fn preview(&mut self, renderer: &Renderer, image: &CombinedImage) -> Result<Denoised> {
-        self.run(renderer, image, 0)
+        self.run(renderer, image, Effort { folds: 0, ..self.effort }, None)
     }
 
+    /// Runs the denoiser, which ignores an interrupt until `end`.
     fn run(
         &mut self,
         renderer: &Renderer,
         image: &CombinedImage,
-        folds: usize,
+        effort: Effort,
+        end: Option<Instant>,
     ) -> Result<Denoised> {
         let start = Instant::now();
-        let (size, effort) = (self.size, self.effort);
+        let size = self.size;
         let oidn = self.oidn.get_mut().unwrap_or_else(PoisonError::into_inner);
+        oidn.set_quality(effort.quality);
+        oidn.run_until(end);
         let mut guides = guides(image, renderer.shared().features.as_ref());
         if effort.prefilter {
             guides = oidn.prefilter(size, guides)?;
         }
-        let validation = Validation { folds, tiles: effort.tiles, seed: renderer.settings().seed };
+        let seed = renderer.settings().seed;
+        let validation = Validation { folds: effort.folds, tiles: effort.tiles, seed };
         let whole = Window::whole(size);
         let denoised = denoise(image, validation, |window, radiance| {
             if window == whole {
@@ -314,6 +335,7 @@ impl Denoising {
             error,
             promise: self.promise,
             is_raw: self.is_given_up || self.latest.as_ref().is_some_and(|latest| latest.is_raw),
+            is_interrupted: self.is_interrupted,
             seconds: self.time.as_secs_f64(),
         }
     }
@@ -375,7 +397,7 @@ mod tests {
     use crate::output::denoise::DenoisedError;
 
     fn timed(time: Duration) -> Option<Denoising> {
-        Denoising::new(2, (40, 30), &Stop::time(time)).unwrap()
+        Denoising::new(2, (40, 30), &Stop::time(time), Arc::default()).unwrap()
     }
 
     #[test]
@@ -402,6 +424,27 @@ mod tests {
         let denoising = timed(Duration::from_secs(3600)).unwrap();
         assert_eq!(denoising.effort, FAST);
         assert!(denoising.time + denoising.reserve() <= Duration::from_secs(432));
+    }
+
+    #[test]
+    fn effort_after_an_interrupt_fits_in_its_time() {
+        let mut denoising = timed(Duration::from_secs(3600)).unwrap();
+        assert_eq!(denoising.effort_after_interrupt(), Some(denoising.effort));
+        let pixels = 40.0 * 30.0;
+        for (seconds, folds) in [(0.6, Some(4)), (1.6, Some(2)), (4.0, Some(0)), (6.0, None)] {
+            denoising.run_time = Duration::from_secs_f64(seconds);
+            denoising.reserve = denoising.run_time.mul_f64(FULL.runs(pixels));
+            let effort = denoising.effort_after_interrupt();
+            assert_eq!(effort.map(|effort| effort.folds), folds, "{seconds} s");
+        }
+    }
+
+    #[test]
+    fn interrupt_before_the_first_run_is_an_interrupt_of_the_job() {
+        let interrupt = Arc::new(AtomicBool::new(true));
+        let stop = Stop::time(Duration::from_secs(3600));
+        let error = Denoising::new(2, (40, 30), &stop, interrupt).err().unwrap();
+        assert!(error.is_interrupt() && error.to_string().contains("no image"), "{error}");
     }
 
     #[test]
