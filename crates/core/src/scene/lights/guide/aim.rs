@@ -451,7 +451,8 @@ mod tests {
             assert!(share > 0.12 * AIMED_SHARE && share > 4.0 * even, "{name}: {share} {even}");
             let error = flux[1].hypot(expected[1]);
             assert!((flux[0] - expected[0]).abs() < 4.0 * error, "{name}: {flux:?} {expected:?}");
-            assert!(flux[1] < 0.02 * flux[0], "{name}: {flux:?}");
+            // Of a sky, one path in thirty meets the cube: 1.8 % for 100,000 paths of equal flux.
+            assert!(flux[1] < 0.03 * flux[0], "{name}: {flux:?}");
         }
     }
 
