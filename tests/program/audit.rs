@@ -76,6 +76,30 @@ fn a_sun_behind_glass_is_the_reason_without_an_audit() {
     assert!(json(&render(SCENE, &["--json"]))["without_audit"].is_null());
 }
 
+/// Path tracing cannot find the light of a point through glass: its image lacks it, and says so.
+#[test]
+fn light_that_was_never_seen_opens_the_interval_of_the_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = folder.path().join("a.exr");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/point-caustic");
+    let fixed = ["render", scene, "--accel", "bvh", "--resolution", "32x32", "--time", "1s"];
+    let render = |strategy: &str, more: &[&str]| {
+        let own = ["--strategy", strategy, "--output", text(&image)];
+        bdpm(&[&fixed[..], &own, more].concat())
+    };
+    let path = json(&render("path", &["--json"]));
+    assert!(path["unseen_light"].as_str().unwrap().contains("by way of"), "{path}");
+    let interval = &path["error"]["interval"];
+    assert!(interval["low"].as_f64().unwrap() > 0.0 && interval["high"].is_null(), "{path}");
+    let shown = render("path", &[]);
+    succeed(&shown);
+    let all = String::from_utf8([shown.stdout, shown.stderr].concat()).unwrap();
+    assert!(all.contains("no photon has shown any light of") && all.contains("(at least"), "{all}");
+    let merged = json(&render("single", &["--json"]));
+    assert!(merged["unseen_light"].is_null(), "{merged}");
+    assert!(merged["error"]["interval"]["high"].is_f64(), "{merged}");
+}
+
 #[test]
 fn judge_tells_a_brighter_image_from_a_right_one() {
     let folder = tempfile::tempdir().unwrap();

@@ -223,6 +223,78 @@ fn lamp_in_a_glass_globe_shines_as_without_it() {
     assert_holds(lit, up(), 1000.0, 0.1);
 }
 
+/// A lamp of the size of the pane in front of it: rays start off the pane, so that the lamp seems
+/// nearer by as much, and must not block itself. The size of the pane does not matter where it
+/// covers the lamp.
+#[test]
+fn lamp_behind_a_pane_of_any_size_does_not_block_itself() {
+    let reading = |half: f32| {
+        let pane = square(Vec3::Z, Vec3::Z, half, 1);
+        let lamp = square(Vec3::new(0.0, 0.0, 1.5), Vec3::NEG_Z, 0.5, 2);
+        let materials = vec![gray(0.2, 0.0), sheet(), gray(0.0, 1.0)];
+        let lit = scene(vec![floor(), pane, lamp], materials, vec![], blind());
+        measure(lit, up(), Some(0.01)).sets[0].readings[0]
+    };
+    let small = reading(0.6);
+    assert!(small.value > 150.0, "{small:?}");
+    for half in [3.0, 30.0, 1000.0] {
+        let large = reading(half);
+        let off = (large.value - small.value).abs();
+        // Light that the larger pane mirrors back to the floor is less than a percent.
+        let systematic = 0.01 * small.value;
+        assert!(off < large.expanded + small.expanded + systematic, "{half}: {large:?} {small:?}");
+    }
+}
+
+/// A globe of rings of quadrilaterals around +z, as modelers make it: all corners of a pole are at
+/// one place, up to rounding.
+fn globe(radius: f64, rings: u32, sectors: u32, material: u32) -> Mesh {
+    use std::f64::consts::PI;
+    let (mut positions, mut normals, mut triangles) = (vec![], vec![], vec![]);
+    for ring in 0..=rings {
+        for sector in 0..sectors {
+            let theta = PI * f64::from(ring) / f64::from(rings);
+            let phi = 2.0 * PI * f64::from(sector) / f64::from(sectors);
+            let at =
+                glam::DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
+            positions.push((radius * at).as_vec3());
+            normals.push(at.as_vec3());
+        }
+    }
+    for ring in 0..rings {
+        for sector in 0..sectors {
+            let corner =
+                |down: u32, right: u32| (ring + down) * sectors + (sector + right) % sectors;
+            triangles.push([corner(0, 0), corner(1, 0), corner(1, 1)]);
+            triangles.push([corner(0, 0), corner(1, 1), corner(0, 1)]);
+        }
+    }
+    Mesh { positions, normals, triangles, material, ..Mesh::default() }
+}
+
+/// Meters on the axis, the seams and the corners of a globe of thin glass around a lamp: straight
+/// rays meet poles, edges and corners of the mesh exactly. By symmetry, the lamp has its own
+/// intensity. Counted as photons and as a connection, it would have twice that.
+#[test]
+fn meters_on_axis_and_seams_of_a_globe_see_its_lamp_once() {
+    let mesh = globe(0.1, 16, 32, 1);
+    let lamp = point_light(Vec3::ZERO, 100.0 / LUMENS);
+    // The floor is below all meters.
+    let floor = square(Vec3::new(0.0, 0.0, -3.0), Vec3::Z, 3.0, 0);
+    let directions: Vec<Vec3> = [0, 32, 64, 161, 290, 511, 543]
+        .map(|corner: usize| mesh.positions[corner].normalize())
+        .into_iter()
+        .chain([Vec3::Z, Vec3::NEG_Z, Vec3::X, (mesh.normals[64] + mesh.normals[96]).normalize()])
+        .collect();
+    let lit = scene(vec![floor, mesh], vec![gray(0.0, 0.0), sheet()], vec![lamp], blind());
+    for direction in directions {
+        let meter = Meter::irradiance(direction, -direction).unwrap();
+        let reading = measure(Arc::clone(&lit), meter, Some(0.1)).sets[0].readings[0];
+        let off = (reading.value - 100.0).abs();
+        assert!(off < 1.5 * reading.expanded + 0.5, "{direction}: {reading:?}, not 100 lx");
+    }
+}
+
 #[test]
 fn meters_without_any_light_are_unknown() {
     let lamp = square(Vec3::new(0.0, 0.0, 3.0), Vec3::Z, 0.5, 1);

@@ -20,6 +20,7 @@ mod guides;
 mod hidden;
 mod instances;
 mod interpolated_normals;
+mod large_sites;
 mod layers;
 mod light_visibility;
 mod lights;

@@ -34,6 +34,19 @@ pub fn min_iterations_after_choice(ranks: u32) -> f64 {
     MIN_ITERATIONS_AFTER_CHOICE.max(MIN_ITERATIONS_OF_RANK * f64::from(ranks))
 }
 
+/// Minimum time of the light paths, over that of one camera path per pixel. Few light paths make
+/// disks of single photons, whose noise short trials see too rarely. So many cost at most this
+/// share of the time.
+const LEAST_LIGHT_TIME: f64 = 0.07;
+
+/// Number of light paths below which they take less than [`LEAST_LIGHT_TIME`]; 0 if they take no
+/// time.
+pub fn least_light_paths(times: &TimeModel) -> f64 {
+    let [base, per_light_path] = times.in_light_paths(1.0);
+    let least = LEAST_LIGHT_TIME * base / per_light_path;
+    if least.is_finite() { least } else { 0.0 }
+}
+
 /// Minimum share of the time that a new block must save. A smaller gain is lost to the block's own
 /// weight.
 const WORTHWHILE: f64 = 0.02;
@@ -98,9 +111,14 @@ impl CountChooser<'_> {
         let scale = self.convergence.set_factor * scale;
         let scale =
             scale / left * pooled_share(stop.objective, &smoothed, &renderer.block().counts, grid);
+        let (fewest, most) = renderer.allowed_light_paths().bounds().into_inner();
+        let least = match settings.has_photons() {
+            true => (least_light_paths(&self.times) as u32).clamp(fewest, most),
+            false => fewest,
+        };
         let problem = |cells: &[Coefficients], iteration_time| {
             let bounds = CountLimits {
-                light_paths: renderer.allowed_light_paths().bounds(),
+                light_paths: least..=most,
                 camera_paths: 1..=MAX_CAMERA_PATHS,
                 iteration_time,
             };

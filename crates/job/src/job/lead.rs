@@ -19,6 +19,9 @@ use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+/// Least share of the given time for rendering where the denoiser takes longer than the rest.
+const LEAST_RENDERING: f64 = 0.5;
+
 /// A job between its phases.
 struct Run {
     /// Scene, settings and threads.
@@ -53,7 +56,7 @@ impl RenderJob {
         if let Some(leader) = leader {
             leader.check_workers(&prepared.provenance)?;
         }
-        let mut run = self.planned_run(prepared, ranks, observer)?;
+        let mut run = self.planned_run(prepared, ranks)?;
         let mut renderer = self.first_renderer(&mut run, observer)?;
         if run.is_automatic && matches!(self.start, Start::New) {
             renderer = self.choose(&mut run, renderer, leader.is_none(), observer)?;
@@ -64,12 +67,7 @@ impl RenderJob {
     }
 
     /// Divides the time, and checks what needs no renderer.
-    fn planned_run(
-        &mut self,
-        prepared: Prepared,
-        ranks: &dyn Ranks,
-        observer: &mut impl FnMut(Event) -> ControlFlow<()>,
-    ) -> Result<Run> {
+    fn planned_run(&mut self, prepared: Prepared, ranks: &dyn Ranks) -> Result<Run> {
         let Prepared { scene, threads, provenance, .. } = &prepared;
         let settings = &provenance.settings;
         let mut stop = self.stop_with_default();
@@ -82,15 +80,14 @@ impl RenderJob {
         if self.denoise {
             let threads = threads.current_num_threads();
             let interrupt = Arc::clone(&self.interrupt);
-            denoising = Denoising::new(threads, settings.resolution(), &stop, interrupt)?;
-            if denoising.is_none() {
-                self.leave_out_denoising("it would take too much of the time", observer);
-            }
+            denoising = Some(Denoising::new(threads, settings.resolution(), &stop, interrupt)?);
         }
         let reserve = self.reserve_per_pixel * settings.pixels() as u32;
         if let Some(time) = &mut stop.time {
             let denoising = denoising.as_ref().map_or(Duration::ZERO, Denoising::reserve);
-            *time = time.saturating_sub(denoising).saturating_sub(reserve);
+            // Half of a time that the denoiser alone would take is left for the image.
+            let least = time.mul_f64(LEAST_RENDERING);
+            *time = time.saturating_sub(denoising).max(least).saturating_sub(reserve);
         }
         Ok(Run {
             prepared,

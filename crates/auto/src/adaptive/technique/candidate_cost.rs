@@ -3,7 +3,7 @@
 
 use super::start_up::StartUp;
 use super::{Candidate, End, FreeParameters, Penalties, Technique};
-use crate::adaptive::count_choice::min_iterations_after_choice;
+use crate::adaptive::count_choice::{least_light_paths, min_iterations_after_choice};
 use crate::adaptive::denoised_noise::left_by_denoiser;
 use crate::adaptive::stopping::{MIN_ITERATIONS_TO_TARGET, MIN_NOISE_SHARE};
 use crate::timing::TimeModel;
@@ -122,7 +122,9 @@ impl CandidateCost {
             if base > longest && best.is_some() {
                 break;
             }
-            let light_paths = self.light_paths([base, per_light_path], [camera, light], longest);
+            let least = if light > 0.0 { least_light_paths(times) } else { 0.0 };
+            let light_paths =
+                self.light_paths([base, per_light_path], [camera, light], least, longest);
             let tau = base + per_light_path * light_paths;
             let variance = camera + light / light_paths;
             // Error after the variance of one iteration has fallen to this share of it.
@@ -175,17 +177,19 @@ impl CandidateCost {
     }
 
     /// The best number of light paths where an iteration takes a base and a time per light path, at
-    /// most `longest`, and has a variance without and with light paths. theory.md (93c)
+    /// most `longest`, and has a variance without and with light paths. At least `least`, if these
+    /// are allowed. theory.md (93c)
     fn light_paths(
         &self,
         [base, per_light_path]: [f64; 2],
         [camera, light]: [f64; 2],
+        least: f64,
         longest: f64,
     ) -> f64 {
         let allowed = ((longest - base) / per_light_path).max(base / per_light_path);
         let optimum = (base * light / (per_light_path * camera)).sqrt();
         let most = f64::from(self.max_light_paths).min(allowed);
-        if optimum.is_nan() { 2.0 } else { optimum.min(most).max(2.0) }
+        if optimum.is_nan() { 2.0 } else { optimum.max(least).min(most).max(2.0) }
     }
 
     /// Iterations and seconds to the end, and the error there, from the time of an iteration and

@@ -198,18 +198,19 @@ impl PatchFrame {
     }
 }
 
-/// Whether some triangle of another side lies over or under a triangle of the side of this tag:
-/// these are layers with light of their own. Triangles side by side are one layer, and so are those
-/// at the same place.
+/// Whether some triangle of another side lies over or under a triangle of the side of this tag, or
+/// over one of a third side: these are layers with light of their own. Beside a thin body that lets
+/// light in, the inside of its back seems to be one surface with the point. Triangles side by side
+/// are one layer, and so are those at the same place.
 fn are_layers(near: &[Near], own_tag: u8, tolerance: f64) -> bool {
     if near.iter().all(|near| near.tag == own_tag) {
         return false;
     }
-    let (own, others): (Vec<Flat>, Vec<Flat>) = {
-        let (own, others): (Vec<_>, Vec<_>) = near.iter().partition(|near| near.tag == own_tag);
-        (own.into_iter().map(Flat::new).collect(), others.into_iter().map(Flat::new).collect())
-    };
-    others.iter().any(|other| own.iter().any(|own| own.is_over_or_under(other, tolerance)))
+    let flat: Vec<(u8, Flat)> = near.iter().map(|near| (near.tag, Flat::new(near))).collect();
+    flat.iter().enumerate().any(|(index, (tag, own))| {
+        let mut later = flat[index + 1..].iter().filter(|(other, _)| other != tag);
+        later.any(|(_, other)| own.is_over_or_under(other, tolerance))
+    })
 }
 
 /// A triangle seen along the normal of a patch.

@@ -62,9 +62,9 @@ const DENOISED_DECAY: f64 = 0.7;
 /// Share of the given time after which the error at its end is promised.
 const PROMISE_AFTER: f64 = 0.25;
 
-/// Maximum share of the given time for a single run that leaves the error unknown, where nothing
-/// else fits: short renders of large images.
-const SINGLE_RUN_SHARE: f64 = 0.25;
+/// Maximum share of the given time for all runs of the denoiser where less leaves the error of the
+/// denoised image unknown: short renders of large images.
+const SHORT_RENDER_SHARE: f64 = 0.25;
 
 /// Minimum relative RMS noise that the pilot predicts for the end, above which a denoised image of
 /// unknown error pays. A less noisy raw image would be the result anyway.
@@ -164,14 +164,15 @@ pub struct Denoising {
 
 impl Denoising {
     /// Loads the denoiser and measures the time of a run on a small image. `stop` decides the
-    /// effort: the best one whose time is at most 12 % of a given time, or a single run in at most
-    /// 25 %. `None` if there is none. `interrupt` ends runs of the denoiser.
+    /// effort: the best one whose time is at most 12 % of a given time, or 25 % if less leaves the
+    /// error unknown. If not even that suffices, it is a single run, whatever its time. `interrupt`
+    /// ends runs of the denoiser.
     pub fn new(
         threads: usize,
         size: (u32, u32),
         stop: &Stop,
         interrupt: Arc<AtomicBool>,
-    ) -> Result<Option<Self>> {
+    ) -> Result<Self> {
         let start = Instant::now();
         let mut oidn = Oidn::new(threads)?.interrupted_by(Arc::clone(&interrupt));
         oidn.set_quality(Quality::Fast);
@@ -198,15 +199,16 @@ impl Denoising {
                     let allowed = limit.mul_f64(share).saturating_sub(time);
                     Effort::within(allowed.div_duration_f64(run_time), pixels)
                 };
-                let single = || within(SINGLE_RUN_SHARE).map(|_| Effort { folds: 0, ..FAST });
-                let Some(effort) = within(DENOISE_SHARE).or_else(single) else { return Ok(None) };
-                effort
+                let with_error = within(DENOISE_SHARE).filter(|effort| effort.folds > 0);
+                let most = with_error.or_else(|| within(SHORT_RENDER_SHARE));
+                // A short noisy render needs the denoiser more than any other.
+                most.unwrap_or(Effort { folds: 0, ..FAST })
             }
             None if stop.error.is_some() => Effort::of_check(pixels),
             None => FULL,
         };
         oidn.set_quality(effort.quality);
-        Ok(Some(Self {
+        Ok(Self {
             oidn: Mutex::new(oidn),
             size,
             effort,
@@ -220,7 +222,7 @@ impl Denoising {
             latest: None,
             iterations: 0,
             promise: None,
-        }))
+        })
     }
 
     /// Returns true if denoising can pay at this relative RMS noise, which is predicted for the end
@@ -396,7 +398,7 @@ mod tests {
     use super::*;
     use crate::output::denoise::DenoisedError;
 
-    fn timed(time: Duration) -> Option<Denoising> {
+    fn timed(time: Duration) -> Denoising {
         Denoising::new(2, (40, 30), &Stop::time(time), Arc::default()).unwrap()
     }
 
@@ -419,16 +421,18 @@ mod tests {
     }
 
     #[test]
-    fn denoising_is_left_out_of_a_time_that_it_would_exceed() {
-        assert!(timed(Duration::from_millis(1)).is_none());
-        let denoising = timed(Duration::from_secs(3600)).unwrap();
+    fn denoising_is_a_single_run_in_a_time_that_it_would_exceed() {
+        let short = timed(Duration::from_millis(1));
+        assert_eq!(short.effort, Effort { folds: 0, ..FAST });
+        assert!(short.reserve() > Duration::from_millis(1));
+        let denoising = timed(Duration::from_secs(3600));
         assert_eq!(denoising.effort, FAST);
         assert!(denoising.time + denoising.reserve() <= Duration::from_secs(432));
     }
 
     #[test]
     fn effort_after_an_interrupt_fits_in_its_time() {
-        let mut denoising = timed(Duration::from_secs(3600)).unwrap();
+        let mut denoising = timed(Duration::from_secs(3600));
         assert_eq!(denoising.effort_after_interrupt(), Some(denoising.effort));
         let pixels = 40.0 * 30.0;
         for (seconds, folds) in [(0.6, Some(4)), (1.6, Some(2)), (4.0, Some(0)), (6.0, None)] {
@@ -450,7 +454,7 @@ mod tests {
     #[test]
     fn denoising_is_given_up_if_the_raw_image_will_be_about_as_good() {
         for (squared, is_given_up) in [(0.9e-3, true), (0.2e-3, false)] {
-            let mut denoising = timed(Duration::from_secs(100)).unwrap();
+            let mut denoising = timed(Duration::from_secs(100));
             let whole = ErrorSummary {
                 squared,
                 standard_error: 1e-5,
