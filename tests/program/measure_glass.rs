@@ -7,7 +7,7 @@ use bdpm::scene::bsdf::{Bsdf, Dielectric, ThinDielectric};
 use bdpm::scene::{
     Camera, Directional, Emitter, Environment, Material, Mesh, Meter, MeterKind, MeterSet, Spot,
 };
-use bdpm::settings::PartialSettings;
+use bdpm::settings::{PartialSettings, Strategy};
 use bdpm::{MeasureJob, Measurement, Scene};
 use glam::Vec3;
 use std::ops::ControlFlow;
@@ -51,23 +51,27 @@ fn slab(low: f32, high: f32, half: f32, material: u32) -> Vec<Mesh> {
     meshes
 }
 
-/// Measures to a target, or for a short time.
-fn measure(scene: Arc<Scene>, meter: Meter, target: Option<f64>) -> Measurement {
+/// A measurement of a meter.
+fn job(scene: Arc<Scene>, meter: Meter) -> MeasureJob {
     let cornell_box = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box");
     let other = bdpm::load(Path::new(cornell_box)).unwrap();
     let loaded = Loaded { scene, defaults: PartialSettings::default(), ..other };
     let set = MeterSet::single("meter", MeterKind::Irradiance, meter);
-    let time = target.is_none().then_some(Duration::from_millis(300));
-    let job = MeasureJob::new(&loaded).meters(vec![set]).target(target).time(time);
+    MeasureJob::new(&loaded).meters(vec![set]).backend(Backend::Bvh)
+}
+
+/// Measures to a target.
+fn measure(scene: Arc<Scene>, meter: Meter, target: f64) -> Measurement {
     let settings = PartialSettings { seed: Some(4), ..PartialSettings::default() };
-    job.settings(settings).backend(Backend::Bvh).run(|_| ControlFlow::Continue(())).unwrap()
+    let job = job(scene, meter).target(target).settings(settings);
+    job.run(|_| ControlFlow::Continue(())).unwrap()
 }
 
 /// Checks that the interval of a reading holds the value, and that it is not wider than this share
 /// of it.
 #[track_caller]
 fn assert_holds(scene: Arc<Scene>, meter: Meter, expected: f64, width: f64) {
-    let measurement = measure(scene, meter, Some(width));
+    let measurement = measure(scene, meter, width);
     let reading = measurement.sets[0].readings[0];
     println!("{reading:?}, not {expected}: {:?}", measurement.techniques);
     // Rounding of single precision besides the stated uncertainty.
@@ -223,12 +227,19 @@ fn lamp_in_a_glass_globe_shines_as_without_it() {
     assert_holds(lit, up(), 1000.0, 0.1);
 }
 
+/// Few paths prove nothing.
 #[test]
 fn meters_without_any_light_are_unknown() {
     let lamp = square(Vec3::new(0.0, 0.0, 3.0), Vec3::Z, 0.5, 1);
     let cover = square(Vec3::new(0.0, 0.0, 2.0), Vec3::NEG_Z, 50.0, 0);
     let dark = scene(vec![lamp, cover], vec![gray(0.5, 0.0), gray(0.0, 1.0)], vec![], blind());
-    let measurement = measure(dark, up(), None);
+    let settings = PartialSettings {
+        strategy: Some(Strategy::Path),
+        camera_paths: Some(16),
+        ..PartialSettings::default()
+    };
+    let job = job(dark, up()).settings(settings).time(Duration::from_millis(1));
+    let measurement = job.run(|_| ControlFlow::Continue(())).unwrap();
     let reading = measurement.sets[0].readings[0];
     assert!(!reading.is_known() && reading.expanded.is_nan(), "{reading:?}");
     assert!(!measurement.reached);

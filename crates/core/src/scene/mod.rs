@@ -39,6 +39,7 @@ pub use hit::HitScratch;
 pub use light_source::LightSource;
 pub use lights::emitter::{Directional, Emitter, Spot};
 pub use lights::environment::{Environment, Inset, InsetGrid};
+pub use lights::horizon::{Horizon, StraightLight};
 pub use lights::intensity::{IntensityDistribution, Photometry};
 pub use lights::luminaire::{AimedDistribution, LuminousOpening, PointLuminaire};
 pub use lights::packets::{Emissions, LightSamples, PrimarySamples, Receivers};
