@@ -69,9 +69,8 @@ fn meters_outside_of_a_cone_are_certainly_dark() {
     let grid = &report["meters"][0];
     let dark = |reading: &&Value| reading["value"] == 0.0 && reading["expanded"] == 0.0;
     let readings = grid["readings"].as_array().unwrap();
-    // Four by four meters within 1.15 m, less the corners at 1.06 m: all 16 have light or little.
-    let count = readings.iter().filter(dark).count();
-    assert!((44..=52).contains(&count), "{count}");
+    // Four by four meters are within the cone, whose radius is 1.15 m.
+    assert_eq!(readings.iter().filter(dark).count(), 48);
     for key in ["minimum", "minimum_expanded", "uniformity", "uniformity_expanded", "diversity"] {
         assert_eq!(number(&grid[key]), 0.0, "{key}: {grid}");
     }
