@@ -129,7 +129,10 @@ mod tests {
             techniques: Vec::new(),
             warnings: Vec::new(),
         });
-        assert!(!text.contains("NaN") && !text.contains("inf") && !text.contains("unknown"), "{text}");
+        assert!(
+            !text.contains("NaN") && !text.contains("inf") && !text.contains("unknown"),
+            "{text}"
+        );
         assert!(text.contains("U0 0.000 +- 0.00") && text.contains("0.00 lx       0.25"), "{text}");
     }
 

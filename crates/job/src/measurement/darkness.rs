@@ -134,7 +134,12 @@ impl<'a> Darkness<'a> {
         let horizon = Horizon::new(meter.position, meter.normal);
         let is_lit = self.boxes.iter().any(|own| horizon.may_show(own))
             || self.latitudes.iter().any(|own| horizon.may_show_latitudes(*own))
-            || self.scene.lights().emitters().iter().any(|own| self.may_shine(own, meter, &horizon));
+            || self
+                .scene
+                .lights()
+                .emitters()
+                .iter()
+                .any(|own| self.may_shine(own, meter, &horizon));
         !is_lit
     }
 

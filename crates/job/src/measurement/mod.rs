@@ -12,6 +12,7 @@ mod arriving_light;
 mod darkness;
 mod extremes;
 mod mean_series;
+mod polarization;
 mod reading;
 mod render_meters;
 mod results;

@@ -3,6 +3,7 @@
 use super::arriving_light::ArrivingLight;
 use super::darkness::{Darkness, TracedPaths, are_certainly_dark, are_dark};
 use super::mean_series::MeanSeries;
+use super::polarization::NeglectedPolarization;
 use super::reading::{Reading, quantity};
 use super::results::{worst, worst_of};
 use super::{MIN_TIME, MeasureJob};
@@ -71,6 +72,8 @@ pub(super) struct JobReadings {
     pub open: Vec<usize>,
     /// Counts of the photons at meters, in words.
     pub photons: Option<String>,
+    /// Largest relative widening of an interval by neglected polarization, if it is worth a note.
+    pub neglected_polarization: Option<f64>,
 }
 
 impl OneKind<'_> {
@@ -115,9 +118,15 @@ impl OneKind<'_> {
             self.on_threads(|| arriving.run(left, is_enough));
             readings = self.with_arriving(&readings, arriving);
         }
+        let polarization = self.on_threads(|| NeglectedPolarization::new(&scene, &**self.accel));
+        let mut neglected_polarization = None;
+        if let Some(own) = polarization {
+            (readings, neglected_polarization) = own.add(&readings, &self.columns());
+        }
         let readings = darkness.complete(&readings, &self.columns(), traced(&result.state));
         let photons = arriving.map(|arriving| arriving.technique());
-        Ok(JobReadings { kind: self.kind, readings, result, open, photons })
+        let kind = self.kind;
+        Ok(JobReadings { kind, readings, result, open, photons, neglected_polarization })
     }
 
     fn is_interrupted(&self) -> bool {
@@ -279,7 +288,8 @@ fn traced(state: &RenderState) -> TracedPaths {
     let settings = &state.provenance.settings;
     let (scene, _) = state.renderer.scene_and_accel();
     let radius = f64::from(settings.radius.min(settings.caustic_radius));
-    let merged = std::f64::consts::PI * radius * radius * f64::from(counts.light_paths) * iterations;
+    let merged =
+        std::f64::consts::PI * radius * radius * f64::from(counts.light_paths) * iterations;
     let power = f64::from(bdpm_core::base::math::luminance(scene.lights().power()));
     TracedPaths {
         camera_paths: counts.camera_paths.mean() * iterations,

@@ -2,6 +2,7 @@
 
 use super::darkness::{are_certainly_dark, are_dark};
 use super::extremes::{Estimated, extremes};
+use super::polarization::note as polarization_note;
 use super::reading::{Reading, quantity, unit};
 use super::render_meters::{JobReadings, OfSet, technique};
 use super::warnings::unknown_bias;
@@ -68,6 +69,8 @@ impl Measurement {
             ));
             self.reached = false;
         }
+        let neglected = own.neglected_polarization;
+        self.warnings.extend(neglected.map(|worst| polarization_note(name, worst)));
         if let Some(failure) = own.result.failure() {
             self.warnings.push(format!("the measurement ended too early: {failure}"));
             self.reached = false;

@@ -143,7 +143,8 @@ mod tests {
         let sun = |y: f32| Emitter::Directional(Directional::new(Vec3::new(0.0, y, 0.0), Rgb::ONE));
         assert!(matches!(sun(-1.0).straight_light(&up()), StraightLight::From(_)));
         assert_eq!(sun(1.0).straight_light(&up()), StraightLight::None, "from below");
-        let point = |y: f32| Emitter::Point { position: Vec3::new(1.0, y, 0.0), intensity: Rgb::ONE };
+        let point =
+            |y: f32| Emitter::Point { position: Vec3::new(1.0, y, 0.0), intensity: Rgb::ONE };
         assert_eq!(point(-1.0).straight_light(&up()), StraightLight::None);
         assert_eq!(point(0.0).straight_light(&up()), StraightLight::OfSurface, "at the meter");
     }

@@ -118,7 +118,8 @@ fn luminance_of_black_surfaces_and_of_nothing_is_0() {
 /// An enclosed meter: three times the brightest contribution over the number of paths.
 #[test]
 fn many_paths_without_light_bound_it() {
-    let meshes = vec![plane(0.0, 5.0, true, 0), plane(1.0, 5.0, false, 0), plane(2.0, 1.0, false, 1)];
+    let meshes =
+        vec![plane(0.0, 5.0, true, 0), plane(1.0, 5.0, false, 0), plane(2.0, 1.0, false, 1)];
     let own = scene(meshes, vec![gray(0.5), lamp()], vec![]);
     let up = plane_meter(0.0, Vec3::Y);
     assert!(!completed(&own, MeterKind::Irradiance, up, 0.9 * DARK_PATHS).is_known());
