@@ -121,7 +121,10 @@ mod tests {
         let note = |angle: f64, error: f64| StepBlur::new(PLANES, &beam(angle)).note(steps, error);
         assert_eq!(note(60.0, 0.0), None);
         let narrow = note(23.0, 0.0).unwrap();
-        assert!(narrow.contains("at least 3.4 %") && narrow.ends_with("give --gamma-step 1"), "{narrow}");
+        assert!(
+            narrow.contains("at least 3.4 %") && narrow.ends_with("give --gamma-step 1"),
+            "{narrow}"
+        );
         assert_eq!(note(23.0, 0.2), None, "noise");
         assert!(note(8.0, 0.0).unwrap().contains("--gamma-step 0.5"));
     }
@@ -131,7 +134,9 @@ mod tests {
         let mut values = vec![0.1; 37 * PLANES];
         let at = |row: usize, plane: usize| row * PLANES + plane;
         // Beside the first plane, so that planes close.
-        for (row, plane, value) in [(9, 0, 1.0), (8, 0, 1.0), (10, 0, 1.0), (9, 1, 0.4), (9, 23, 0.4)] {
+        for (row, plane, value) in
+            [(9, 0, 1.0), (8, 0, 1.0), (10, 0, 1.0), (9, 1, 0.4), (9, 23, 0.4)]
+        {
             values[at(row, plane)] = value;
         }
         // The last of equal maxima counts.

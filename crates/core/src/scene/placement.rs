@@ -74,7 +74,7 @@ impl Scene {
             self.materials[placement.material as usize].bsdf.albedo() == Rgb::ZERO
         };
         let boxes = outer_boxes(&self.meshes, &self.placements).into_iter();
-        let all = boxes.zip(&self.placements).filter(|(_, placement)| !is_black(placement));
+        let all = boxes.zip(self.placements.iter()).filter(|(_, placement)| !is_black(placement));
         all.map(|(own, _)| own).collect()
     }
 

@@ -9,6 +9,8 @@
 //! apart: their errors are independent, so that the uncertainty of any mix of them follows.
 
 mod arriving_light;
+#[cfg(test)]
+mod coverage_tests;
 mod darkness;
 mod extremes;
 mod mean_series;
