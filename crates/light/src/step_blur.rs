@@ -1,9 +1,10 @@
 //! What the steps of a goniophotometer blur: each of its intensities is a mean over the directions
 //! within a step, which lowers narrow beams.
 //!
-//! The mean over a hat function of the width `h` has the value `f + h^2 f''/12`, and an average over
-//! neighbors with the weights 1/6, 2/3, 1/6 adds `h^2 f''/6`. Half of the change by this average
-//! therefore is the blur. At a pole, the average has half of the pole and half of the ring around it.
+//! The mean over a hat function of the width `h` has the value `f + h^2 f''/12`, and an average
+//! over neighbors with the weights 1/6, 2/3, 1/6 adds `h^2 f''/6`. Half of the change by this
+//! average therefore is the blur. At a pole, the average has half of the pole and half of the ring
+//! around it.
 
 /// Share of the greatest intensity that steps may blur.
 const ALLOWED: f64 = 0.01;

@@ -14,8 +14,8 @@ const UNSEEN_FACTOR: f64 = 3.0;
 const UNSEEN_SHARE: f64 = 0.5;
 
 /// Skewness of a mean from which about six samples or fewer carry the light above it: a mean of
-/// events that happened `k` times has the skewness `1/sqrt(k)`. Wider intervals of more samples hold
-/// with 95 %.
+/// events that happened `k` times has the skewness `1/sqrt(k)`. Intervals of more samples hold with
+/// 95 %.
 const FEW_SAMPLES: f64 = 0.4;
 
 /// Share of the value below which an interval is so narrow that no note is worth it.
@@ -62,8 +62,8 @@ impl Reading {
         Self { value, noise, bias, expanded: student_95(samples - 1.0) * noise + bias, direct }
     }
 
-    /// The reading with a wider interval, for samples of which few carry much light. theory.md (5e),
-    /// (5g)
+    /// The reading with a wider interval, for samples of which few carry much light.
+    /// theory.md (5e), (5g)
     #[must_use]
     pub fn with_tail(self, tail: &SampleTail) -> Self {
         let spread = self.expanded - self.bias;

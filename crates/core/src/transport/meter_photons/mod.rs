@@ -4,6 +4,8 @@
 
 mod discs;
 mod guide;
+#[cfg(test)]
+mod tests;
 
 use super::camera_paths::{at_pane, survives_passing};
 use super::free_flight::{Passed, travel};
@@ -30,9 +32,9 @@ const LEAST_BATCHES: u32 = 4;
 /// Light paths of an iteration while the guide is learned.
 const PATHS: u32 = BATCH * BATCHES;
 
-/// Cells of the guide along each number, and factors of the radius of the discs, in the stages of
-/// learning.
-const STAGES: [(usize, f32); 2] = [(32, 8.0), (128, 3.0)];
+/// Cells of the guide along each number, and factors of the radius of the largest discs, in the
+/// stages of learning.
+const STAGES: [(usize, f32); 2] = [(32, 4.0), (128, 1.5)];
 
 /// Paths that arrive in the stages of learning, and iterations after which a stage ends without
 /// them.
