@@ -90,10 +90,10 @@ fn of_meter(
     let count = if kind == MeterKind::Radiance && meter.half_angle == 0.0 { 1 } else { count };
     let directions = (0..count).map(|index| direction(kind, meter, index, count));
     let stacks: Vec<PaneStack> = directions.map(|own| stack(own, f32::INFINITY)).collect();
-    // Mean over the directions, by the light that arrives from each.
+    // Mean over the directions, over the light that paths find to arrive from each.
     let mean = |share: fn(&PaneStack) -> f64| {
         let off: f64 = stacks.iter().map(|own| (share(own) - own.exact).abs()).sum();
-        off / stacks.iter().map(|own| own.exact).sum::<f64>().max(1e-9)
+        off / stacks.iter().map(share).sum::<f64>().max(1e-9)
     };
     if kind == MeterKind::Radiance {
         let all = mean(|own| own.by_faces);
@@ -112,7 +112,7 @@ fn of_meter(
             return 0.0;
         }
         let own = stack(direction, distance);
-        (own.straight - own.exact).abs() / own.exact.max(1e-9)
+        (own.straight - own.exact).abs() / own.straight.max(1e-9)
     };
     let indirect = mean(|own| own.by_panes);
     let has_surfaces = scene.lights().emitters().iter().any(|own| !own.is_delta());
@@ -191,7 +191,7 @@ mod tests {
             let (sin, cos) = degrees.to_radians().sin_cos();
             let meter = Meter::radiance(Vec3::ZERO, Vec3::new(sin, 0.0, cos), 0.0).unwrap();
             let own = wider(&scene(true, Vec3::NEG_Z), MeterKind::Radiance, meter);
-            assert!((own - (1.0 - faces / exact)).abs() < 1e-3, "{degrees}: {own}");
+            assert!((own - (exact / faces - 1.0)).abs() < 1e-3, "{degrees}: {own}");
         }
     }
 
