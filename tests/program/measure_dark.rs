@@ -9,8 +9,10 @@ use std::process::{Command, Output, Stdio};
 const OFFICE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/office");
 
 /// Counts that a measurement of one millisecond has, whatever the machine.
-fn counts(camera_paths: &str) -> [&str; 6] {
-    ["--time", "1ms", "--strategy", "path", "--camera-paths", camera_paths]
+fn counts(camera_paths: &str) -> [&str; 8] {
+    let fixed = ["--time", "1ms", "--strategy", "path", "--light-paths", "1000"];
+    let [a, b, c, d, e, f] = fixed;
+    [a, b, c, d, e, f, "--camera-paths", camera_paths]
 }
 
 fn measure(folder: &Path, arguments: &[&str]) -> Output {

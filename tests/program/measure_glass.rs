@@ -289,6 +289,7 @@ fn meters_without_any_light_are_unknown() {
     let dark = scene(vec![lamp, cover], vec![gray(0.5, 0.0), gray(0.0, 1.0)], vec![], blind());
     let settings = PartialSettings {
         strategy: Some(Strategy::Path),
+        light_paths: Some(1000),
         camera_paths: Some(16),
         ..PartialSettings::default()
     };

@@ -47,8 +47,10 @@ const PHOTON_TIME: f64 = 0.3;
 /// uncertainty, and the first one may be a block of its own.
 const LEAST_ITERATIONS: u64 = 3;
 
-/// Minimum number of iterations before a target counts as reached.
+/// Minimum number of iterations before a target counts as reached, and that if an interval is open
+/// above.
 const MIN_ITERATIONS: u64 = 32;
+const CLOSED_ITERATIONS: u64 = 64;
 
 /// Meters of one kind under one group of lights: one render job.
 pub(super) struct OneKind<'a> {
@@ -212,12 +214,14 @@ impl OneKind<'_> {
                 return ControlFlow::Continue(());
             }
             next_check = (iterations as f64 * CHECK_GROWTH).ceil() as u64 + 1;
-            let seen = seen_light(state, &series, &columns).sets;
-            let readings = darkness.complete(&seen, &columns, traced(state));
+            let SeenLight { sets, open } = seen_light(state, &series, &columns);
+            let readings = darkness.complete(&sets, &columns, traced(state));
+            // A few more iterations close intervals that a few dominant ones opened.
+            let is_open = iterations < CLOSED_ITERATIONS && open.iter().any(|count| *count > 0);
             let is_late = time.is_none() && iterations >= DARK_ITERATIONS;
             let worst = worst_of(&readings, job.means_only, is_late);
             let is_dark = is_late && are_dark(&readings) || are_certainly_dark(&readings);
-            if is_dark || target.is_some_and(|target| worst <= target) {
+            if is_dark || !is_open && target.is_some_and(|target| worst <= target) {
                 return ControlFlow::Break(());
             }
             watched(worst, iterations)
