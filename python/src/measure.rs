@@ -312,7 +312,7 @@ pub fn measure(
     let unknown: Vec<&str> = measurement.unknown().into_iter().map(|(name, _)| name).collect();
     if !unknown.is_empty() {
         let names = unknown.join(", ");
-        warn(py, &format!("readings are unknown, no path with light arrived: {names}"))?;
+        warn(py, &format!("readings or their uncertainties are unknown, too few paths: {names}"))?;
     }
     Ok(Measurement { measurement })
 }

@@ -15,6 +15,7 @@ use bdpm::job;
 use bdpm::light::grouped_intensities::{Estimate, Group, GroupedIntensities};
 use bdpm::light::photometry::{LuminaireDescription, OpeningShape, write_eulumdat, write_lm63};
 use bdpm::light::polar_plot::polar_plot;
+use bdpm::light::step_blur::StepBlur;
 use bdpm::load::{LoadOptions, load_with};
 use bdpm::measurement::lost_light;
 use bdpm::scene::backend::{self, Backend};
@@ -187,6 +188,8 @@ struct GoniometerReport {
     beam_angle: Angles,
     field_angle: Angles,
     distribution: Distribution,
+    /// What lowers the accuracy of the files.
+    notes: Vec<String>,
 }
 
 pub fn run(args: &Args) -> Result<String> {
@@ -220,8 +223,21 @@ pub fn run(args: &Args) -> Result<String> {
     write_files(args, &ies, &own, &scene.name)?;
     let files = files.iter().map(|file| file.path.display().to_string()).collect();
     let source = f64::from(luminance(scene.lights().power())) * f64::from(LUMENS_PER_WATT);
-    let report = report(&measurement, source, files, args.light_paths);
+    let mut report = report(&measurement, source, files, args.light_paths);
+    report.notes.extend(step_note(args, &measurement));
+    if !args.quiet {
+        report.notes.iter().for_each(|note| say(&format!("note: {note}")));
+    }
     Ok(reported((args.json, args.quiet), &report, || report.text()))
+}
+
+/// A note if the steps are too coarse for the beam.
+fn step_note(args: &Args, measurement: &Goniometer) -> Option<String> {
+    let nodes = measurement.intensities();
+    let values: Vec<f64> = nodes.iter().map(|node| node.value).collect();
+    let greatest = nodes.iter().max_by(|a, b| a.value.total_cmp(&b.value))?;
+    let blur = StepBlur::new(measurement.planes().len(), &values);
+    blur.note([args.gamma_step, args.c_step], greatest.error / greatest.value)
 }
 
 /// Measures until the time is over, or for the given number of iterations.
@@ -322,6 +338,7 @@ fn report(
             angle_unit: "deg",
             intensity_unit: "cd",
         },
+        notes: Vec::new(),
     }
 }
 

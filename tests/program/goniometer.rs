@@ -75,6 +75,24 @@ fn text_report_has_values_with_standard_errors() {
     assert!(up.distribution.values()[0] == 0.0, "it shines to the zenith of this frame");
 }
 
+/// A spot with a beam of 16 degrees, at steps of 5 and of 1 degree.
+#[test]
+fn steps_that_are_too_coarse_for_the_beam_are_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let spot = "[[light]]\ntype = \"spot\"\nposition = [0, -1, 0]\ndirection = [0, -1, 0]\ncandela = \
+                1e5\ninner_deg = 1\nouter_deg = 20\n";
+    write_scene(folder.path(), spot);
+    let notes = |step: &str| {
+        let options = ["--iterations", "8", "--gamma-step", step, "-o", "out.ies", "--json"];
+        json(&bdpm(folder.path(), &options))["notes"].as_array().unwrap().clone()
+    };
+    let coarse = notes("5");
+    assert_eq!(coarse.len(), 1, "{coarse:?}");
+    let note = coarse[0].as_str().unwrap();
+    assert!(note.contains("steps of 5 degrees") && note.contains("give --gamma-step"), "{note}");
+    assert!(notes("1").is_empty());
+}
+
 #[test]
 fn impossible_measurements_are_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -7,7 +7,7 @@ use bdpm::scene::bsdf::{Bsdf, Dielectric, ThinDielectric};
 use bdpm::scene::{
     Camera, Directional, Emitter, Environment, Material, Mesh, Meter, MeterKind, MeterSet, Spot,
 };
-use bdpm::settings::PartialSettings;
+use bdpm::settings::{PartialSettings, Strategy};
 use bdpm::{MeasureJob, Measurement, Scene};
 use glam::Vec3;
 use std::ops::ControlFlow;
@@ -51,23 +51,27 @@ fn slab(low: f32, high: f32, half: f32, material: u32) -> Vec<Mesh> {
     meshes
 }
 
-/// Measures to a target, or for a short time.
-fn measure(scene: Arc<Scene>, meter: Meter, target: Option<f64>) -> Measurement {
+/// A measurement of a meter.
+fn job(scene: Arc<Scene>, meter: Meter) -> MeasureJob {
     let cornell_box = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box");
     let other = bdpm::load(Path::new(cornell_box)).unwrap();
     let loaded = Loaded { scene, defaults: PartialSettings::default(), ..other };
     let set = MeterSet::single("meter", MeterKind::Irradiance, meter);
-    let time = target.is_none().then_some(Duration::from_millis(300));
-    let job = MeasureJob::new(&loaded).meters(vec![set]).target(target).time(time);
+    MeasureJob::new(&loaded).meters(vec![set]).backend(Backend::Bvh)
+}
+
+/// Measures to a target.
+fn measure(scene: Arc<Scene>, meter: Meter, target: f64) -> Measurement {
     let settings = PartialSettings { seed: Some(4), ..PartialSettings::default() };
-    job.settings(settings).backend(Backend::Bvh).run(|_| ControlFlow::Continue(())).unwrap()
+    let job = job(scene, meter).target(target).settings(settings);
+    job.run(|_| ControlFlow::Continue(())).unwrap()
 }
 
 /// Checks that the interval of a reading holds the value, and that it is not wider than this share
 /// of it.
 #[track_caller]
 fn assert_holds(scene: Arc<Scene>, meter: Meter, expected: f64, width: f64) {
-    let measurement = measure(scene, meter, Some(width));
+    let measurement = measure(scene, meter, width);
     let reading = measurement.sets[0].readings[0];
     println!("{reading:?}, not {expected}: {:?}", measurement.techniques);
     // Rounding of single precision besides the stated uncertainty.
@@ -162,6 +166,60 @@ fn parallel_light_shines_through_a_slab() {
     let sun = vec![Emitter::Directional(sun)];
     let lit = scene(meshes, vec![gray(0.0, 0.0), glass()], sun, blind());
     assert_holds(lit, up(), 10_000.0 * transmittance * half, 0.02);
+}
+
+/// Share of the light that two panes of index 1.5 transmit at an angle, with all reflections inside
+/// and between them: the mean over both polarizations of `(1 - R)/(1 + 3 R)`.
+fn through_two_panes(degrees: f64) -> f64 {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    let inside = (1.0 - (sin / 1.5).powi(2)).sqrt();
+    let s = ((cos - 1.5 * inside) / (cos + 1.5 * inside)).powi(2);
+    let p = ((1.5 * cos - inside) / (1.5 * cos + inside)).powi(2);
+    let through = |reflectance: f64| (1.0 - reflectance) / (1.0 + 3.0 * reflectance);
+    0.5 * (through(s) + through(p))
+}
+
+/// Parallel light through two sheets, which each polarize it: 76.6 % at 60 degrees and 47.5 % at 75
+/// degrees. Without polarization, it would be 3.9 and 5.8 % less.
+#[test]
+fn two_panes_transmit_each_polarization_on_its_own() {
+    for (degrees, tolerance) in [(60.0f64, 0.018), (75.0, 0.03)] {
+        let (sin, cos) = (degrees.to_radians().sin() as f32, degrees.to_radians().cos() as f32);
+        let toward = Vec3::new(sin, 0.0, cos);
+        let sun = Emitter::Directional(Directional::new(-toward, Vec3::splat(10_000.0 / LUMENS)));
+        let panes = [1.0, 2.0].map(|z| square(Vec3::new(0.0, 0.0, z), Vec3::Z, 60.0, 1));
+        let meshes = [vec![floor()], panes.into()].concat();
+        let lit = scene(meshes, vec![gray(0.0, 0.0), sheet()], vec![sun], blind());
+        let meter = Meter::irradiance(Vec3::ZERO, toward).unwrap();
+        let measurement = measure(lit, meter, 0.02);
+        let reading = measurement.sets[0].readings[0];
+        let expected = 10_000.0 * through_two_panes(degrees);
+        let off = (reading.value - expected).abs();
+        assert!(off < tolerance * expected, "{reading:?}, not {expected}");
+        assert!(off <= 1.5 * reading.expanded, "{reading:?}, not {expected}");
+        let is_noted = |note: &String| note.contains("reflections between panes");
+        assert!(measurement.warnings.iter().any(is_noted), "{:?}", measurement.warnings);
+    }
+}
+
+/// The luminance of an even sky behind two slabs is too low by lost polarization: its interval holds
+/// the right one, and a note says so.
+#[test]
+fn intervals_of_luminance_behind_two_slabs_hold_the_lost_polarization() {
+    let direction = Vec3::new(60f32.to_radians().sin(), 0.0, 60f32.to_radians().cos());
+    let meshes = [vec![floor()], slab(1.0, 1.01, 60.0, 1), slab(2.0, 2.01, 60.0, 1)].concat();
+    let lit = scene(meshes, vec![gray(0.0, 0.0), glass()], vec![], blind());
+    let sky = Environment::new(16, 8, vec![Vec3::ONE; 16 * 8], 0.0);
+    let lit = Arc::new(Scene::clone(&lit).with_environment(sky));
+    let meter = Meter::radiance(Vec3::ZERO, direction, 0.0).unwrap();
+    let set = MeterSet::single("meter", MeterKind::Radiance, meter);
+    let job = job(lit, meter).meters(vec![set]).target(0.01);
+    let measurement = job.run(|_| ControlFlow::Continue(())).unwrap();
+    let reading = measurement.sets[0].readings[0];
+    let expected = f64::from(LUMENS) * through_two_panes(60.0);
+    let off = (reading.value - expected).abs();
+    assert!(off <= reading.expanded && reading.expanded < 0.1 * expected, "{reading:?} {expected}");
+    assert!(measurement.warnings.iter().any(|note| note.contains("reflections between panes")));
 }
 
 /// A meter that a lamp lights by a mirror alone: the image of the lamp behind the mirror, and a
@@ -295,12 +353,20 @@ fn meters_on_axis_and_seams_of_a_globe_see_its_lamp_once() {
     }
 }
 
+/// Few paths prove nothing.
 #[test]
 fn meters_without_any_light_are_unknown() {
     let lamp = square(Vec3::new(0.0, 0.0, 3.0), Vec3::Z, 0.5, 1);
     let cover = square(Vec3::new(0.0, 0.0, 2.0), Vec3::NEG_Z, 50.0, 0);
     let dark = scene(vec![lamp, cover], vec![gray(0.5, 0.0), gray(0.0, 1.0)], vec![], blind());
-    let measurement = measure(dark, up(), None);
+    let settings = PartialSettings {
+        strategy: Some(Strategy::Path),
+        light_paths: Some(1000),
+        camera_paths: Some(16),
+        ..PartialSettings::default()
+    };
+    let job = job(dark, up()).settings(settings).time(Duration::from_millis(1));
+    let measurement = job.run(|_| ControlFlow::Continue(())).unwrap();
     let reading = measurement.sets[0].readings[0];
     assert!(!reading.is_known() && reading.expanded.is_nan(), "{reading:?}");
     assert!(!measurement.reached);

@@ -10,6 +10,7 @@ mod image_info;
 mod interrupts;
 mod limits;
 mod measure;
+mod measure_dark;
 mod measure_glass;
 mod merge;
 mod noise;

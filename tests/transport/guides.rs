@@ -37,7 +37,7 @@ fn a_wrong_guide_does_not_change_the_mean() {
         start([0.5, 0.3 * share, 0.2 * (1.0 - share), 0.1 * share, 0.05])
     };
     let wrong: Vec<_> = (0..5000).map(|i| GuideSample { start: corner(i), square: 1.0 }).collect();
-    let wrong = Arc::new(Guide::learn(&wrong));
+    let wrong = Arc::new(Guide::learn(&wrong, &Guide::even()));
     assert!(wrong.cell_count() > 5);
     let blocks = |guide: Option<&Arc<Guide>>, seed: u64| -> Vec<Estimate> {
         let own = Settings { seed, ..settings.clone() };

@@ -18,3 +18,5 @@ pub mod photometry;
 #[doc(hidden)] // public for the program
 pub mod polar_plot;
 pub mod sky;
+#[doc(hidden)] // public for the program
+pub mod step_blur;

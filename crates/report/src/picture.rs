@@ -89,7 +89,11 @@ impl Picture {
         values: &[f64],
         (colors, unit): (Colors, &'static str),
     ) -> Self {
-        let max = quantile(values.iter().map(|value| value.abs()).collect(), COVERED);
+        let known = values.iter().map(|value| value.abs()).filter(|value| value.is_finite());
+        let known: Vec<f64> = known.collect();
+        let max = if known.is_empty() { 0.0 } else { quantile(known, COVERED) };
+        // A picture of zeros has a scale as well.
+        let max = if max > 0.0 { max } else { 1.0 };
         let step = tick_step(max, MAX_STEPS);
         let max = (max / step).ceil() * step;
         let min = match colors {
@@ -239,6 +243,15 @@ mod tests {
         assert_eq!(labels, ["\u{2212}2", "0", "2"]);
         assert_eq!(found[1].0, 50.0);
         assert_eq!(ticks((0.0, 1.0), 0.2, number).len(), 6);
+    }
+
+    #[test]
+    fn pictures_of_zeros_and_of_unknown_values_have_a_scale() {
+        for values in [vec![0.0; 4], vec![f64::NAN; 4], vec![0.0, f64::INFINITY, f64::NAN, 0.0]] {
+            let own = Picture::values(("a", "b"), (2, 2), &values, (Colors::Sequential, "lx"));
+            let Scale::Bar { ticks, .. } = &own.scale else { panic!("a bar") };
+            assert!(ticks.len() > 1 && ticks.len() < 20, "{values:?}");
+        }
     }
 
     #[test]

@@ -135,7 +135,8 @@ pub fn run(args: &Args) -> Result<Outcome> {
     Ok(Outcome { text: readings, failure: unknown, is_unknown })
 }
 
-/// An error that names the sets with readings that are unknown, if there are any.
+/// An error that names the sets with readings whose values or uncertainties are unknown, if there
+/// are any.
 fn unknown(measurement: &Measurement) -> Option<Error> {
     let sets = measurement.unknown();
     let of_set = |(name, count): &(&str, usize)| match count {
@@ -143,7 +144,8 @@ fn unknown(measurement: &Measurement) -> Option<Error> {
         count => format!("{count} of `{name}`"),
     };
     let names: Vec<String> = sets.iter().map(of_set).collect();
-    let advice = "no path with light arrived: check that light can reach the meters, or measure for a longer time";
+    let advice = "too few paths were traced to say that no light arrives, or to state an uncertainty: check that light \
+                  can reach the meters, or measure for a longer time";
     (!names.is_empty())
         .then(|| Error::new(format!("readings are unknown: {}", names.join(", ")), advice))
 }

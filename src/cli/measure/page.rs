@@ -159,11 +159,12 @@ fn maps(set: &SetReadings) -> Markup {
         Picture::values(names, size, values, (Colors::Sequential, unit))
     };
     let values: Vec<f64> = set.readings.iter().map(|reading| reading.value).collect();
-    let relative: Vec<f64> = set
-        .readings
-        .iter()
-        .map(|reading| 100.0 * reading.expanded / reading.value.max(1e-30))
-        .collect();
+    // A reading of 0 with an uncertainty has no relative one.
+    let of_one = |reading: &Reading| match reading.relative(0.0) {
+        relative if relative.is_finite() => 100.0 * relative,
+        _ => f64::NAN,
+    };
+    let relative: Vec<f64> = set.readings.iter().map(of_one).collect();
     let quantity = quantity(set.kind);
     let alt = format!("{quantity} of {}", set.name);
     html! {

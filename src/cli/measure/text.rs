@@ -93,7 +93,7 @@ fn extreme_text(extreme: &Estimated, unit: &str) -> String {
     }
     let digits = digits_of(extreme.expanded);
     let Estimated { value, expanded } = *extreme;
-    let relative = match expanded.is_finite() {
+    let relative = match expanded.is_finite() && value > 0.0 {
         true => format!("{:.2} %", 100.0 * expanded / value),
         false => String::new(),
     };
@@ -114,6 +114,27 @@ mod tests {
     use super::*;
     use bdpm::scene::MeterKind;
     use std::time::Duration;
+
+    /// A dark meter of a grid: its minimum is 0, and so are the uniformities.
+    #[test]
+    fn dark_meters_are_0() {
+        let lit = Reading { value: 350.0, noise: 1.0, bias: 0.0, expanded: 2.0, direct: 300.0 };
+        let dark = Reading { expanded: 0.25, ..Reading::default() };
+        let mut grid = SetReadings::single("grid", MeterKind::Irradiance, lit);
+        (grid.grid, grid.readings) = ([3, 1], vec![lit, dark, Reading::default()]);
+        let text = text(&Measurement {
+            sets: vec![grid, SetReadings::single("shade", MeterKind::Irradiance, dark)],
+            reached: true,
+            time: Duration::ZERO,
+            techniques: Vec::new(),
+            warnings: Vec::new(),
+        });
+        assert!(
+            !text.contains("NaN") && !text.contains("inf") && !text.contains("unknown"),
+            "{text}"
+        );
+        assert!(text.contains("U0 0.000 +- 0.00") && text.contains("0.00 lx       0.25"), "{text}");
+    }
 
     #[test]
     fn uncertainties_of_one_iteration_are_unknown() {

@@ -26,14 +26,17 @@ pub struct RareLight {
     /// For each power of two of the values: samples, and their sum.
     classes: Vec<(u32, f64)>,
     count: u64,
-    total: f64,
+    /// Sums of the samples, of their squares, and of their cubes.
+    powers: [f64; 3],
 }
 
 impl RareLight {
     /// Adds a sample, such as the mean of a pixel in an iteration. It is not negative.
     pub fn add(&mut self, value: f64) {
         self.count += 1;
-        self.total += value;
+        for (sum, exponent) in self.powers.iter_mut().zip(1..) {
+            *sum += value.powi(exponent);
+        }
         if value > 0.0 && value.is_finite() {
             let exponent = (2.0 * value.log2()).floor() as i32;
             let index =
@@ -52,13 +55,27 @@ impl RareLight {
         self.count
     }
 
+    /// Mean square and mean cube of the differences of the samples from their mean.
+    pub fn central_moments(&self) -> [f64; 2] {
+        if self.count == 0 {
+            return [0.0; 2];
+        }
+        let [mean, square, cube] = self.powers.map(|sum| sum / self.count as f64);
+        let variance = square - mean * mean;
+        // Rounding of the sums, of which both moments are small differences.
+        if variance <= 1e-12 * square {
+            return [0.0; 2];
+        }
+        [variance, cube - 3.0 * mean * square + 2.0 * mean.powi(3)]
+    }
+
     /// Expected value of the light that the samples miss, in their unit: the part above the mean of
     /// the samples that are alone in their class, over the number of samples.
     pub fn unseen(&self) -> f64 {
         if self.count == 0 {
             return 0.0;
         }
-        let mean = self.total / self.count as f64;
+        let mean = self.powers[0] / self.count as f64;
         let alone = self.classes.iter().filter(|(count, _)| *count == 1);
         let above: f64 = alone.map(|(_, value)| (value - mean).max(0.0)).sum();
         above / self.count as f64
@@ -148,6 +165,18 @@ mod tests {
         }
         println!("{plain} and {wide} of {runs}");
         assert!(plain < 1290 && wide > plain + 75, "{plain} {wide}");
+    }
+
+    #[test]
+    fn central_moments_are_those_of_the_samples() {
+        let mut rare = RareLight::default();
+        [3.0, 3.0, 3.0, 7.0].iter().for_each(|value| rare.add(*value));
+        // Differences -1, -1, -1 and 3.
+        assert_eq!(rare.central_moments(), [3.0, 6.0]);
+        let mut even = RareLight::default();
+        (0..5).for_each(|_| even.add(1.0 / 3.0));
+        assert_eq!(even.central_moments(), [0.0; 2]);
+        assert_eq!(RareLight::default().central_moments(), [0.0; 2]);
     }
 
     #[test]

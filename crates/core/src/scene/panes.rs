@@ -1,7 +1,9 @@
 //! Clear panes: smooth sheets, and slabs between parallel faces. Light that goes through one keeps
 //! its direction, so that a point and a light can be connected through panes.
 
+use super::bsdf::fresnel::PolarizedShares;
 use super::bsdf::{Bsdf, Dielectric, fresnel};
+use super::polarization::PolarizedLight;
 use super::{MediumState, Scene, Surface};
 use crate::accel::{Intersect, Ray};
 use crate::base::math::Rgb;
@@ -31,6 +33,12 @@ pub struct PanePassage {
     pub reflected: Rgb,
     /// The medium beyond the pane.
     pub beyond: MediumState,
+    /// Shares of the light that goes on, by polarization.
+    polarized: PolarizedShares,
+    /// Unit normal of the pane.
+    normal: Vec3,
+    /// Refractive index over that around the pane, and the cosine with the normal.
+    pub(super) interface: (f32, f32),
     /// Path inside a slab; `None` for a sheet without thickness.
     slab: Option<SlabPath>,
 }
@@ -40,12 +48,8 @@ pub struct PanePassage {
 struct SlabPath {
     /// From the point where light enters to the point where it leaves, scene units.
     across: Vec3,
-    /// Unit normal of the faces.
-    normal: Vec3,
-    /// Refractive index of the slab over that around it.
-    index: f32,
-    /// Cosines with the normal outside and inside.
-    cos: [f32; 2],
+    /// Cosine with the normal inside.
+    cos_inside: f32,
 }
 
 impl PanePassage {
@@ -82,7 +86,7 @@ enum SightEnd {
 
 impl Scene {
     /// Returns true if any surface may be a clear pane.
-    pub(super) fn has_panes(&self) -> bool {
+    pub fn has_panes(&self) -> bool {
         self.placements.iter().any(|placement| {
             let material = &self.materials[placement.material as usize];
             let is_pane = matches!(material.bsdf, Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_));
@@ -107,6 +111,9 @@ impl Scene {
                     transmitted,
                     reflected,
                     beyond: around,
+                    polarized: sheet.polarized_shares(cos),
+                    normal: surface.normal,
+                    interface: (sheet.eta, cos),
                     slab: None,
                 })
             }
@@ -153,13 +160,16 @@ impl Scene {
             beyond = media.after(within, &back, -wo);
         }
         let [transmitted, reflected] = fresnel::slab(cos, face.eta, once);
-        let entering = face.transmittance;
+        let colors = face.transmittance * other.transmittance;
         Some(PanePassage {
             start: back.start(-wo),
-            transmitted: transmitted * entering * other.transmittance,
+            transmitted: transmitted * colors,
             reflected,
             beyond,
-            slab: Some(SlabPath { across, normal, index: face.eta, cos: [cos, cos_inside] }),
+            polarized: PolarizedShares::of_slab(cos, face.eta, once).scaled(colors),
+            normal,
+            interface: (face.eta, cos),
+            slab: Some(SlabPath { across, cos_inside }),
         })
     }
 
@@ -253,7 +263,10 @@ struct SightTracer {
     /// Length along the direction until the start of the current ray.
     covered: f32,
     shift: Vec3,
+    /// Share of the light that media outside of slabs transmit.
     transmitted: Rgb,
+    /// Light that panes transmit.
+    light: PolarizedLight,
     /// Length of the way in slabs, along the direction.
     in_slabs: f32,
     /// Displacement of light per radian by the slabs, in a frame across the direction.
@@ -271,6 +284,7 @@ impl SightTracer {
             covered: 0.0,
             shift: Vec3::ZERO,
             transmitted: Rgb::ONE,
+            light: PolarizedLight::unpolarized(direction),
             in_slabs: 0.0,
             apparent: Mat2::ZERO,
             frame: [right, up],
@@ -286,15 +300,16 @@ impl SightTracer {
     /// Passes a pane.
     /// theory.md (30c)
     fn pass(&mut self, pane: &PanePassage) {
-        self.transmitted *= pane.transmitted;
-        let Some(SlabPath { across, normal, index, cos }) = pane.slab else { return };
+        let PanePassage { normal, interface: (index, cos), .. } = *pane;
+        self.light.pass(normal, &pane.polarized);
+        let Some(SlabPath { across, cos_inside }) = pane.slab else { return };
         let along = across.dot(self.direction);
         self.in_slabs += along;
         self.shift += across - along * self.direction;
         self.slabs += 1;
         // Apparent length for small angles across the plane of incidence, and within it.
         let sagittal = across.length() / index;
-        let meridional = sagittal * (cos[0] / cos[1]).powi(2);
+        let meridional = sagittal * (cos / cos_inside).powi(2);
         let plane = normal - normal.dot(self.direction) * self.direction;
         let axis = Vec2::from_array(self.frame.map(|axis| axis.dot(plane))).normalize_or_zero();
         let outer = Mat2::from_cols(axis * axis.x, axis * axis.y);
@@ -302,7 +317,8 @@ impl SightTracer {
     }
 
     fn end(self) -> PaneSight {
-        let Self { direction, distance, shift, transmitted, slabs, .. } = self;
+        let Self { direction, distance, shift, light, slabs, .. } = self;
+        let transmitted = self.transmitted * light.share;
         let mut nearness = 1.0;
         if slabs > 0 && distance.is_finite() {
             let in_air = distance - self.in_slabs;
@@ -310,5 +326,51 @@ impl SightTracer {
             nearness = distance * distance / spread;
         }
         PaneSight { direction, shift, transmitted, nearness, slabs }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::backend::{self, Backend};
+    use crate::scene::bsdf::ThinDielectric;
+    use crate::scene::{Camera, FieldOfView, Material, Mesh};
+
+    /// A square in the plane z = `height` that faces up or down.
+    fn face(height: f32, up: bool, material: u32) -> Mesh {
+        let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        let positions = corners.map(|[x, y]| Vec3::new(50.0 * x, 50.0 * y, height));
+        let triangles = if up { vec![[0, 1, 2], [0, 2, 3]] } else { vec![[0, 2, 1], [0, 3, 2]] };
+        Mesh { positions: positions.into(), triangles, material, ..Mesh::default() }
+    }
+
+    /// Two panes of the index 1.5, one after the other: the mean of the products of each
+    /// polarization with all reflections inside.
+    #[test]
+    fn parallel_panes_pass_each_polarization_on_its_own() {
+        let sheets = vec![face(1.0, true, 0), face(2.0, false, 0)];
+        let slabs =
+            vec![face(1.0, false, 1), face(1.1, true, 1), face(2.0, false, 1), face(2.1, true, 1)];
+        let materials = [
+            Bsdf::ThinDielectric(ThinDielectric::new(1.5)),
+            Bsdf::Dielectric(Dielectric::new(1.5)),
+        ];
+        for (meshes, slabs) in [(sheets, 0), (slabs, 2)] {
+            let materials = materials.map(|bsdf| Material::new("glass", bsdf)).into();
+            let camera = Camera::look(Vec3::Z, -Vec3::Z, Vec3::Y, FieldOfView::X(60.0)).unwrap();
+            let own = Scene::new("two".into(), meshes, materials, vec![], camera, vec![]).unwrap();
+            let accel = backend::build(Backend::Bvh, &own).unwrap();
+            for (degrees, expected) in [(0.0f32, 0.8521), (60.0, 0.7413), (75.0, 0.4178)] {
+                let (sin, cos) = degrees.to_radians().sin_cos();
+                let direction = Vec3::new(sin, 0.0, cos);
+                let sight = own.sight_along(&*accel, Vec3::ZERO, direction, MediumState::default());
+                let sight = sight.expect("only panes");
+                assert_eq!(sight.slabs, slabs);
+                let share = sight.transmitted.x;
+                assert!((share - expected).abs() < 5e-4, "{degrees} {slabs}: {share}");
+                let stack = own.pane_stack(&*accel, Vec3::ZERO, direction, f32::INFINITY);
+                assert_eq!(stack.panes, 2);
+            }
+        }
     }
 }

@@ -7,7 +7,7 @@ use super::transform::Transform;
 use super::{Corners, Emitter, Material, Mesh, Scene, Triangle};
 use crate::accel;
 use crate::accel::Geometry;
-use crate::base::math::Bounds;
+use crate::base::math::{Bounds, Rgb};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -68,6 +68,16 @@ impl Mesh {
 }
 
 impl Scene {
+    /// Boxes around all surfaces that may send light on: that reflect or transmit any.
+    pub fn boxes_of_scattering_surfaces(&self) -> Vec<Bounds> {
+        let is_black = |placement: &Placement| {
+            self.materials[placement.material as usize].bsdf.albedo() == Rgb::ZERO
+        };
+        let boxes = outer_boxes(&self.meshes, &self.placements).into_iter();
+        let all = boxes.zip(self.placements.iter()).filter(|(_, placement)| !is_black(placement));
+        all.map(|(own, _)| own).collect()
+    }
+
     /// The meshes and placements as the input of an intersection backend.
     pub fn geometry(&self) -> Geometry<'_> {
         let place = |placement: &Placement| accel::Instance {
@@ -142,19 +152,20 @@ pub(super) struct Emitting<'a> {
     pub emitters: &'a mut Vec<Emitter>,
 }
 
+/// A box around each placement. It may be larger than the smallest one.
+fn outer_boxes(meshes: &[Mesh], placements: &[Placement]) -> Vec<Bounds> {
+    let of_mesh = |mesh: &Mesh| {
+        Placement { mesh: 0, material: 0, transform: None }.enclose(Bounds::EMPTY, mesh)
+    };
+    let of_meshes: Vec<Bounds> = meshes.iter().map(of_mesh).collect();
+    placements.iter().map(|own| own.outer_box(&of_meshes[own.mesh as usize])).collect()
+}
+
 impl Arrangement {
     /// The smallest box that contains all placed triangles. Of many instances only those are
     /// visited whose own box may reach beyond the others.
     pub fn bounds(&self) -> Bounds {
-        let of_mesh: Vec<Bounds> = self
-            .meshes
-            .iter()
-            .map(|mesh| {
-                Placement { mesh: 0, material: 0, transform: None }.enclose(Bounds::EMPTY, mesh)
-            })
-            .collect();
-        let boxes: Vec<Bounds> =
-            self.placements.iter().map(|own| own.outer_box(&of_mesh[own.mesh as usize])).collect();
+        let boxes = outer_boxes(&self.meshes, &self.placements);
         let mut bounds = Bounds::EMPTY;
         for axis in 0..3 {
             for is_upper in [false, true] {

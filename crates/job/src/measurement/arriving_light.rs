@@ -1,15 +1,16 @@
 //! Light of points, spots and parallel light that arrives at meters by mirrors and through glass
 //! that is no pane: photons on discs, with their noise and bias.
 
-use super::reading::Reading;
+use super::reading::{Reading, SampleTail};
 use bdpm_core::accel::Intersect;
 use bdpm_core::scene::{Meter, Scene};
 use bdpm_core::transport::meter_photons::{DiscIrradiances, MeterPhotons, RADII, RATIO};
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-/// Radius of the largest disc over the longest side of the scene.
-const RADIUS: f32 = 0.01;
+/// Radius of the largest disc over the longest side of the scene. This disc measures only the bias
+/// of the next smaller one.
+const RADIUS: f32 = 0.02;
 
 /// Iterations that choose the radius.
 const CHOOSING: u64 = 8;
@@ -24,8 +25,7 @@ const MOST_ITERATIONS: u64 = 1024;
 /// so many paths.
 const UNSEEN_PATHS: f64 = 3.0;
 
-/// Share of the variance of a difference of two radii that its square has at least: a bias below it
-/// is not seen.
+/// Share of its variance that the square of a bias has at least: a bias below it is not seen.
 const LEAST_SQUARE: f64 = 0.25;
 
 /// Sums over iterations of a quantity.
@@ -34,6 +34,7 @@ struct Sums {
     count: f64,
     sum: f64,
     squares: f64,
+    cubes: f64,
 }
 
 impl Sums {
@@ -41,6 +42,7 @@ impl Sums {
         self.count += 1.0;
         self.sum += value;
         self.squares += value * value;
+        self.cubes += value.powi(3);
     }
 
     fn mean(&self) -> f64 {
@@ -51,6 +53,18 @@ impl Sums {
     fn variance(&self) -> f64 {
         let spread = (self.squares - self.sum * self.mean()).max(0.0);
         spread / ((self.count - 1.0).max(1.0) * self.count.max(1.0))
+    }
+
+    /// Skewness of the mean; 0 if the values are equal.
+    fn skewness(&self) -> f64 {
+        let [mean, square, cube] =
+            [self.sum, self.squares, self.cubes].map(|sum| sum / self.count.max(1.0));
+        let variance = square - mean * mean;
+        if variance <= 1e-12 * square {
+            return 0.0;
+        }
+        let third = cube - 3.0 * mean * square + 2.0 * mean.powi(3);
+        third / (variance.powf(1.5) * self.count.sqrt())
     }
 }
 
@@ -70,19 +84,34 @@ impl DiscSums {
         }
     }
 
-    /// Bound of the bias of a radius, W/m^2. It grows with the square of the radius, hence it is
-    /// the difference to the next radius over `1 - RATIO^2`.
+    /// The bias of a radius that has a smaller and a larger one, by the difference to each of
+    /// them, W/m^2, with its variance. It grows with the square of the radius. theory.md (5c)
+    fn biases(&self, level: usize) -> [(f64, f64); 2] {
+        let square = f64::from(RATIO * RATIO);
+        let of = |difference: &Sums, factor: f64| {
+            (factor * difference.mean(), factor * factor * difference.variance())
+        };
+        [
+            of(&self.differences[level], 1.0 / (1.0 - square)),
+            of(&self.differences[level - 1], square / (1.0 - square)),
+        ]
+    }
+
+    /// Bound of the bias of a radius, W/m^2: that of both estimates together, and by how much they
+    /// differ beyond their noise. The larger disc has far less noise, but the irradiance may vary
+    /// there in another way, such as at the edge of a shadow.
     fn bias(&self, level: usize) -> f64 {
-        let difference = &self.differences[level];
-        let variance = difference.variance();
-        let square = (difference.mean().powi(2) - variance).max(LEAST_SQUARE * variance);
-        square.sqrt() / f64::from(1.0 - RATIO * RATIO)
+        let [inner, outer] = self.biases(level);
+        let differ = (inner.0 - outer.0).abs() - (inner.1 + outer.1).sqrt();
+        let [a, b] = [inner, outer].map(|(_, variance)| 1.0 / variance.max(1e-200));
+        let (bias, variance) = ((a * inner.0 + b * outer.0) / (a + b), 1.0 / (a + b));
+        (bias * bias - variance).max(LEAST_SQUARE * variance).sqrt() + differ.max(0.0)
     }
 
     /// The radius with the least error.
     fn level(&self) -> usize {
         let error = |level: &usize| self.values[*level].variance() + self.bias(*level).powi(2);
-        (0..RADII - 1).min_by(|a, b| error(a).total_cmp(&error(b))).expect("there are radii")
+        (1..RADII - 1).min_by(|a, b| error(a).total_cmp(&error(b))).expect("there are radii")
     }
 }
 
@@ -114,7 +143,7 @@ impl<'a> ArrivingLight<'a> {
         let photons = MeterPhotons::new(scene, accel, meters, radius, seed, learning)?;
         let count = meters.len();
         let all = vec![DiscSums::default(); count + sets.len()];
-        let levels = vec![0; all.len()];
+        let levels = vec![1; all.len()];
         Some(Self { photons, sets, choosing: all.clone(), sums: all, levels, count })
     }
 
@@ -122,6 +151,10 @@ impl<'a> ArrivingLight<'a> {
     /// least some iterations.
     pub fn run(&mut self, time: Option<Duration>, mut is_enough: impl FnMut(&Self) -> bool) {
         let start = Instant::now();
+        if let Some(time) = time {
+            // The iterations that are always done must fit in the time.
+            self.photons.fit(CHOOSING + MIN_ITERATIONS, time);
+        }
         while self.photons.arrives() {
             let iterations = self.photons.iterations();
             let is_over = match time {
@@ -162,7 +195,8 @@ impl<'a> ArrivingLight<'a> {
         }
         let bias = sums.bias(level) + unseen;
         let value = values.mean();
-        Reading::with_bias(value, values.variance(), bias, value, values.count)
+        let own = Reading::with_bias(value, values.variance(), bias, value, values.count);
+        own.with_tail(&SampleTail { unseen: 0.0, skewness: values.skewness() })
     }
 
     /// Readings of this light alone: those of the meters of a set, and of their mean.
@@ -176,7 +210,7 @@ impl<'a> ArrivingLight<'a> {
         format!(
             "{} iterations of {} light paths to the meters, {} arrived",
             self.photons.iterations(),
-            bdpm_core::transport::meter_photons::PATHS,
+            self.photons.paths(),
             self.photons.arrived()
         )
     }
@@ -187,23 +221,72 @@ mod tests {
     use super::*;
     use bdpm_core::base::rng::{Stream, StreamKey};
 
-    /// Irradiances with a bias of `c r^2` and more noise on smaller discs.
+    /// Irradiances on discs by photons, whose number in each annulus varies with the square root of
+    /// its mean, `mean` in the disc of level 1. The mean over a disc of the radius `r` is
+    /// `1 + c r^2`, where the disc of level 1 has the radius 1; that of level 0 has `beyond` more.
+    fn sums_of([c, mean, beyond]: [f64; 3], seed: u64) -> DiscSums {
+        let mut rng = StreamKey::new(seed, Stream::Test, 0).rng(0);
+        let mut normal = || (0..12).map(|_| f64::from(rng.next_1d())).sum::<f64>() - 6.0;
+        let mut sums = DiscSums::default();
+        // Over pi.
+        let area = |level: usize| 4.0 * f64::from(RATIO).powi(2 * level as i32);
+        for _ in 0..400 {
+            let (mut inside, mut values) = (0.0, [0.0; RADII]);
+            for level in (0..RADII).rev() {
+                let next = if level + 1 < RADII { area(level + 1) } else { 0.0 };
+                let own = area(level);
+                let expected = mean * (own - next + c * (own * own - next * next));
+                inside += expected + expected.sqrt() * normal();
+                values[level] = inside / (mean * own);
+            }
+            values[0] += beyond;
+            sums.add(&values);
+        }
+        sums
+    }
+
     #[test]
     fn bias_of_a_square_law_is_found_and_the_radius_balances_it_with_the_noise() {
-        for (c, expected) in [(0.0, 0), (0.3, 2)] {
-            let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
-            let mut sums = DiscSums::default();
-            for _ in 0..400 {
-                let values = std::array::from_fn(|level| {
-                    let radius = f64::from(RATIO).powi(level as i32);
-                    let noise = 0.02 / radius * (f64::from(rng.next_1d()) - 0.5);
-                    1.0 + c * radius * radius + noise
-                });
-                sums.add(&values);
+        let count = 20;
+        for (c, mean, expected) in [(0.0, 25.0, 1), (0.3, 100.0, 3)] {
+            let mut chosen = 0;
+            for seed in 0..count {
+                let sums = sums_of([c, mean, 0.0], 300 + seed);
+                let error = sums.biases(1)[0].1.sqrt();
+                assert!((sums.bias(1) - c).abs() < 4.5 * error, "{} {c}", sums.bias(1));
+                chosen += u64::from(sums.level() == expected);
             }
-            let error = 2.0 * sums.differences[0].variance().sqrt();
-            assert!((sums.bias(0) - c).abs() < 3.0 * error + 1e-9, "{} {c}", sums.bias(0));
-            assert_eq!(sums.level(), expected);
+            assert!(chosen >= count - 5, "{chosen} of {count}");
         }
+    }
+
+    /// Where the irradiance is even, the bound of the bias is a small part of the interval.
+    #[test]
+    fn bound_of_no_bias_is_less_than_the_noise() {
+        let (mut shares, runs) = (0.0, 60);
+        for seed in 0..runs {
+            let sums = sums_of([0.0, 25.0, 0.0], 100 + seed);
+            shares += sums.bias(1) / sums.values[1].variance().sqrt();
+        }
+        let share = shares / runs as f64;
+        // By the smaller disc alone it is more than 1.5.
+        assert!(share < 0.9, "{share}");
+    }
+
+    #[test]
+    fn skewness_of_one_of_four_values_is_that_of_their_mean() {
+        let mut sums = Sums::default();
+        [0.0, 0.0, 1.0, 0.0].iter().for_each(|value| sums.add(*value));
+        let expected = (3.0 / 32.0) / (3.0f64 / 16.0).powf(1.5) / 2.0;
+        assert!((sums.skewness() - expected).abs() < 1e-9, "{}", sums.skewness());
+        assert_eq!(Sums::default().skewness(), 0.0);
+    }
+
+    /// An irradiance that is even up to the disc of level 1, and other beyond it.
+    #[test]
+    fn discs_of_another_law_widen_the_bound() {
+        let sums = sums_of([0.0, 400.0, 0.5], 9);
+        assert!((sums.biases(1)[1].0 - 0.5 / 3.0).abs() < 0.01);
+        assert!((0.1..0.25).contains(&sums.bias(1)), "{}", sums.bias(1));
     }
 }

@@ -28,8 +28,12 @@ impl Estimated {
     #[must_use]
     pub fn over(&self, other: &Self) -> Self {
         let value = self.value / other.value;
-        let relative = (self.expanded / self.value).hypot(other.expanded / other.value);
-        Self { value, expanded: value * relative }
+        if !value.is_finite() {
+            return Self::UNKNOWN;
+        }
+        // Of the squared relative errors, so that a value of 0 has an error as well.
+        let expanded = (self.expanded / other.value).hypot(value * other.expanded / other.value);
+        Self { value, expanded }
     }
 }
 
@@ -141,6 +145,25 @@ mod tests {
         let uniformity = least.over(&Estimated { value: mean, expanded: 0.4 });
         assert!((uniformity.value - 1.0).abs() < 0.02, "{uniformity:?}");
         assert!((uniformity.value - 1.0).abs() <= uniformity.expanded);
+    }
+
+    #[test]
+    fn ratios_of_dark_values_are_0_or_unknown() {
+        let [dark, lit] = [0.0, 5.0].map(|value| Estimated { value, expanded: 0.1 });
+        assert_eq!(dark.over(&lit), Estimated { value: 0.0, expanded: 0.02 });
+        let certain = Estimated { value: 0.0, expanded: 0.0 };
+        assert_eq!(certain.over(&lit), certain);
+        for other in [dark, certain, Estimated::UNKNOWN] {
+            assert!(lit.over(&other).value.is_nan() && dark.over(&other).expanded.is_nan());
+        }
+    }
+
+    #[test]
+    fn grids_with_certain_dark_meters_have_the_minimum_0() {
+        let (lit, dark) = (Reading::new(1.0, 1e-6, 0.0, 0.0, 1e6), Reading::default());
+        let [least, most] = extremes(&[lit, dark, dark, lit]);
+        assert!(least.value.abs() < 1e-6 * most.value && least.expanded < 1e-6 * most.value);
+        assert!((most.value / lit.value - 1.0).abs() < 1e-3 && most.expanded.is_finite());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Means over the meters of a set in each iteration, and light that was hardly seen. Meters share
 //! light paths, so that the variance of their mean does not follow from those of the single meters.
 
+use super::reading::SampleTail;
 use crate::job::RenderState;
 use bdpm_core::film::radiance::luminance;
 use bdpm_core::noise::rare_light::RareLight;
@@ -56,18 +57,25 @@ impl MeanSeries {
         }
     }
 
-    /// Light that all iterations are expected to miss, of each meter and then of the mean of each
-    /// set, W/m^2. Iterations have the weights of their blocks: those of few paths count little.
-    pub fn unseen(&self, weights: &[f64]) -> Vec<f64> {
+    /// Light that few iterations carry, of each meter and then of the mean of each set. Iterations
+    /// have the weights of their blocks: those of few paths count little.
+    pub fn tails(&self, weights: &[f64]) -> Vec<SampleTail> {
         let of_one = |index: usize| {
-            let blocks = self.rare.iter().zip(weights);
-            let (mut sum, mut total) = (0.0, 0.0);
-            for (block, weight) in blocks {
-                let share = weight * block[index].count() as f64;
-                sum += share * block[index].unseen();
-                total += share;
+            let (mut unseen, mut total) = (0.0, 0.0);
+            // Second and third central moment of the weighted sum.
+            let [mut second, mut third] = [0.0; 2];
+            for (block, weight) in self.rare.iter().zip(weights) {
+                let (rare, count) = (&block[index], block[index].count() as f64);
+                unseen += weight * count * rare.unseen();
+                total += weight * count;
+                let [variance, cube] = rare.central_moments();
+                second += weight.powi(2) * count * variance;
+                third += weight.powi(3) * count * cube;
             }
-            if total > 0.0 { sum / total } else { 0.0 }
+            SampleTail {
+                unseen: if total > 0.0 { unseen / total } else { 0.0 },
+                skewness: if second > 0.0 { third / second.powf(1.5) } else { 0.0 },
+            }
         };
         (0..self.latest_of_meters.len() + self.sets.len()).map(of_one).collect()
     }
@@ -129,6 +137,30 @@ impl MeanSeries {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Blocks of one kind have the skewness of one block of all their samples.
+    #[test]
+    fn skewness_of_blocks_is_that_of_all_samples() {
+        let series = |blocks: &[&[f64]]| {
+            let block = |values: &&[f64]| {
+                let mut rare = RareLight::default();
+                values.iter().for_each(|value| rare.add(*value));
+                vec![rare; 2]
+            };
+            let rare = blocks.iter().map(block).collect();
+            MeanSeries { rare, ..MeanSeries::new(std::iter::once(0..1).collect()) }
+        };
+        // One of four, of 1: third moment 3/32, variance 3/16; over the root of the number.
+        let one = [0.0, 0.0, 0.0, 1.0];
+        let expected = (3.0 / 32.0) / (3.0f64 / 16.0).powf(1.5);
+        for (blocks, root) in [(vec![&one[..]], 2.0), (vec![&one[..]; 4], 4.0)] {
+            let weights = vec![2.5; blocks.len()];
+            let tails = series(&blocks).tails(&weights);
+            assert_eq!(tails.len(), 2);
+            assert!((tails[0].skewness - expected / root).abs() < 1e-9, "{tails:?}");
+        }
+        assert_eq!(series(&[&[1.0, 1.0]]).tails(&[1.0])[0], SampleTail::default());
+    }
 
     #[test]
     fn variance_of_weighted_blocks_is_that_of_their_mean() {

@@ -9,8 +9,12 @@
 //! apart: their errors are independent, so that the uncertainty of any mix of them follows.
 
 mod arriving_light;
+#[cfg(test)]
+mod coverage_tests;
+mod darkness;
 mod extremes;
 mod mean_series;
+mod polarization;
 mod reading;
 mod render_meters;
 mod results;
@@ -18,7 +22,7 @@ mod room_glare;
 mod warnings;
 
 pub use extremes::Estimated;
-pub use reading::{Reading, quantity, unit};
+pub use reading::{Reading, SampleTail, quantity, unit};
 pub use results::{Measurement, MeterPlace, SetReadings};
 pub use room_glare::{LuminaireGlare, RoomGlare};
 pub use warnings::lost_light;
@@ -205,7 +209,7 @@ impl MeasureJob {
                 let own = of_kind.run(target, time, &mut watched)?;
                 measurement.add(name, &own);
                 for ((index, _), (readings, mean)) in sets.iter().zip(own.readings) {
-                    measurement.sets[*index].add_group(name, readings, mean, own.paths);
+                    measurement.sets[*index].add_group(name, readings, mean);
                 }
             }
         }
@@ -213,7 +217,6 @@ impl MeasureJob {
             if !self.by_light {
                 set.groups.clear();
             }
-            set.mark_unseen();
             let worst = set.worst(self.means_only);
             measurement.reached &= target.is_none_or(|target| worst <= target);
         }

@@ -13,6 +13,24 @@ const UNSEEN_FACTOR: f64 = 3.0;
 /// uncertain.
 const UNSEEN_SHARE: f64 = 0.5;
 
+/// Skewness of a mean from which about six samples or fewer carry the light above it: a mean of
+/// events that happened `k` times has the skewness `1/sqrt(k)`. Intervals of more samples hold with
+/// 95 %.
+const FEW_SAMPLES: f64 = 0.4;
+
+/// Share of the value below which an interval is so narrow that no note is worth it.
+const NOTED_SHARE: f64 = 2e-3;
+
+/// Light that few samples of a mean carry.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SampleTail {
+    /// Light that the samples are expected to miss, in radiometric units. theory.md (5e)
+    pub unseen: f64,
+    /// Skewness of the mean: that of the samples over the square root of their number. theory.md
+    /// (5g)
+    pub skewness: f64,
+}
+
 /// Value of a meter and its uncertainty, in the [unit](unit()) of its kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Reading {
@@ -44,20 +62,32 @@ impl Reading {
         Self { value, noise, bias, expanded: student_95(samples - 1.0) * noise + bias, direct }
     }
 
-    /// The reading with a wider interval, for light that its samples are expected to miss, in
-    /// radiometric units. theory.md (5e)
+    /// The reading with a wider interval, for samples of which few carry much light.
+    /// theory.md (5e), (5g)
     #[must_use]
-    pub fn with_unseen(self, unseen: f64) -> Self {
-        let unseen = UNSEEN_FACTOR * unseen * f64::from(LUMENS_PER_WATT);
-        Self { expanded: self.expanded + unseen, ..self }
+    pub fn with_tail(self, tail: &SampleTail) -> Self {
+        let spread = self.expanded - self.bias;
+        let skewed = tail.skewness.max(0.0) * spread;
+        let unseen = UNSEEN_FACTOR * tail.unseen * f64::from(LUMENS_PER_WATT);
+        Self { expanded: self.expanded + skewed + unseen, ..self }
     }
 
-    /// Returns true if so much of the interval is for light that was hardly seen that it holds less
-    /// often than it says. `samples` is the number of iterations.
-    pub fn saw_little(&self, samples: f64) -> bool {
-        let spread = student_95(samples - 1.0) * self.noise;
-        let unseen = (self.expanded - self.bias - spread) / UNSEEN_FACTOR;
-        unseen > UNSEEN_SHARE * spread && unseen > 1e-3 * self.value
+    /// Returns true if the interval of these samples is open above: so few of them carry much of
+    /// the light that there may be more than any interval of them says. The reading is that before
+    /// [`Self::with_tail`].
+    pub fn is_open(&self, tail: &SampleTail) -> bool {
+        let spread = self.expanded - self.bias;
+        let unseen = tail.unseen * f64::from(LUMENS_PER_WATT);
+        let is_rare = unseen > UNSEEN_SHARE * spread && unseen > 1e-3 * self.value;
+        let is_few = tail.skewness > FEW_SAMPLES && spread > NOTED_SHARE * self.value;
+        self.value > 0.0 && (is_rare || is_few)
+    }
+
+    /// A reading of 0. `bound` is an upper bound of the light that no path saw, in radiometric
+    /// units; `seen` is the reading without it.
+    pub(super) fn dark(bound: f64, seen: &Self) -> Self {
+        let expanded = seen.expanded + bound * f64::from(LUMENS_PER_WATT);
+        Self { expanded, bias: seen.bias, ..Self::default() }
     }
 
     /// A reading that is not known: all numbers are NaN.
@@ -76,19 +106,16 @@ impl Reading {
         self.expanded.is_finite()
     }
 
-    /// The reading, or an unknown one if no path contributed to it. No interval follows from
-    /// nothing seen.
-    #[must_use]
-    pub fn if_seen(self) -> Self {
-        if self.value > 0.0 { self } else { Self::unknown() }
-    }
-
     /// Expanded uncertainty over the value, or over `least` if that is larger: in the dark, hardly
-    /// any light is worth the time to know it exactly. It is infinite if no path contributed, since
-    /// nothing is known then.
+    /// any light is worth the time to know it exactly. It is 0 if the reading is certain, and
+    /// infinite if it is unknown, or 0 with an uncertainty.
     pub fn relative(&self, least: f64) -> f64 {
         let value = self.value.max(least);
-        if self.value > 0.0 { self.expanded / value } else { f64::INFINITY }
+        match (self.expanded == 0.0, value > 0.0 && self.expanded.is_finite()) {
+            (true, _) => 0.0,
+            (false, true) if self.is_known() => self.expanded / value,
+            _ => f64::INFINITY,
+        }
     }
 
     /// Part of the value that was reflected before it arrived.
@@ -133,23 +160,30 @@ mod tests {
     use super::*;
 
     #[test]
-    fn readings_without_a_contribution_are_unknown() {
-        let dark = Reading::new(0.0, 0.0, 0.0, 0.0, 1e6);
-        assert!(!dark.if_seen().is_known() && dark.if_seen().expanded.is_nan());
-        assert_eq!(dark.relative(1.0), f64::INFINITY);
+    fn relative_uncertainties_of_dark_and_unknown_readings_are_numbers() {
+        let certain = Reading::default();
+        assert_eq!((certain.relative(0.0), certain.relative(1.0)), (0.0, 0.0));
+        let bounded = Reading::dark(0.01, &certain);
+        assert_eq!(bounded.relative(0.0), f64::INFINITY);
+        assert!((bounded.relative(10.0) - 0.001 * f64::from(LUMENS_PER_WATT)).abs() < 1e-9);
         assert_eq!(Reading::unknown().relative(1.0), f64::INFINITY);
-        let lit = Reading::new(1.0, 0.0, 0.0, 0.0, 1e6);
-        assert_eq!(lit.if_seen(), lit);
+        let one_iteration = Reading::new(1.0, 0.0, 0.0, 0.0, 1.0);
+        assert_eq!(one_iteration.relative(0.0), f64::INFINITY);
     }
 
     #[test]
     fn light_that_was_hardly_seen_widens_the_interval() {
         let own = Reading::new(1.0, 1e-4, 0.0, 0.0, 100.0);
-        let wide = own.with_unseen(0.02);
+        let tail = |unseen, skewness| SampleTail { unseen, skewness };
         let lumens = f64::from(LUMENS_PER_WATT);
+        let wide = own.with_tail(&tail(0.02, 0.0));
         assert!((wide.expanded - own.expanded - 0.06 * lumens).abs() < 1e-9);
-        assert!(wide.saw_little(100.0) && !own.saw_little(100.0));
-        assert!(!own.with_unseen(0.005).saw_little(100.0));
+        assert!(own.is_open(&tail(0.02, 0.0)) && !own.is_open(&tail(0.005, 0.0)));
+        let skewed = own.with_tail(&tail(0.0, 0.5));
+        assert!((skewed.expanded / own.expanded - 1.5).abs() < 1e-9);
+        assert!(own.is_open(&tail(0.0, 0.5)) && !own.is_open(&tail(0.0, 0.2)));
+        assert_eq!(own.with_tail(&tail(0.0, -3.0)), own, "light is not missed below the mean");
+        assert!(!Reading::default().is_open(&tail(1.0, 1.0)));
     }
 
     #[test]

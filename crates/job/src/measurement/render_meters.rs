@@ -1,9 +1,11 @@
 //! The render job of the meters of one quantity under one group of lights.
 
 use super::arriving_light::ArrivingLight;
+use super::darkness::{Darkness, TracedPaths, are_certainly_dark, are_dark};
 use super::mean_series::MeanSeries;
+use super::polarization::NeglectedPolarization;
 use super::reading::{Reading, quantity};
-use super::results::{are_dark, worst, worst_of};
+use super::results::{worst, worst_of};
 use super::{MIN_TIME, MeasureJob};
 use crate::job::{Event, RenderJob, RenderResult, RenderState};
 use bdpm_auto::adaptive::stopping::{Convergence, Stop, importance};
@@ -41,8 +43,14 @@ const LEARNING_TIME: f64 = 0.1;
 /// Share of the time after learning for the photons at meters.
 const PHOTON_TIME: f64 = 0.3;
 
-/// Minimum number of iterations before a target counts as reached.
+/// Number of iterations that are rendered whatever the time: a block of one iteration has no
+/// uncertainty, and the first one may be a block of its own.
+const LEAST_ITERATIONS: u64 = 3;
+
+/// Minimum number of iterations before a target counts as reached, and that if an interval is open
+/// above.
 const MIN_ITERATIONS: u64 = 32;
+const CLOSED_ITERATIONS: u64 = 64;
 
 /// Meters of one kind under one group of lights: one render job.
 pub(super) struct OneKind<'a> {
@@ -62,10 +70,12 @@ pub(super) struct JobReadings {
     /// Of each set.
     pub readings: Vec<OfSet>,
     pub result: RenderResult,
-    /// Camera paths of a meter.
-    pub paths: f64,
+    /// For each set the number of its meters whose intervals are open above.
+    pub open: Vec<usize>,
     /// Counts of the photons at meters, in words.
     pub photons: Option<String>,
+    /// Largest relative widening of an interval by neglected polarization, if it is worth a note.
+    pub neglected_polarization: Option<f64>,
 }
 
 impl OneKind<'_> {
@@ -97,7 +107,10 @@ impl OneKind<'_> {
             None => time,
         };
         let target_of_render = target.map(|target| share * target);
-        let (mut readings, result) = self.render(&scene, target_of_render, render_time, watched)?;
+        let mut darkness = Darkness::new(&scene, &**self.accel);
+        let limits = (target_of_render, render_time);
+        let (seen, result) = self.render(&scene, limits, &mut darkness, watched)?;
+        let SeenLight { sets: mut readings, open } = seen;
         if let Some(arriving) = &mut arriving {
             let left = time.map(|time| time.saturating_sub(start.elapsed()));
             let enough = photon_share * target.unwrap_or(0.0);
@@ -107,10 +120,15 @@ impl OneKind<'_> {
             self.on_threads(|| arriving.run(left, is_enough));
             readings = self.with_arriving(&readings, arriving);
         }
-        let per_iteration = result.state.renderer.block().counts.camera_paths.mean();
-        let paths = per_iteration * result.state.status.iterations as f64;
+        let polarization = self.on_threads(|| NeglectedPolarization::new(&scene, &**self.accel));
+        let mut neglected_polarization = None;
+        if let Some(own) = polarization {
+            (readings, neglected_polarization) = own.add(&readings, &self.columns());
+        }
+        let readings = darkness.complete(&readings, &self.columns(), traced(&result.state));
         let photons = arriving.map(|arriving| arriving.technique());
-        Ok(JobReadings { kind: self.kind, readings, result, paths, photons })
+        let kind = self.kind;
+        Ok(JobReadings { kind, readings, result, open, photons, neglected_polarization })
     }
 
     fn is_interrupted(&self) -> bool {
@@ -164,10 +182,10 @@ impl OneKind<'_> {
     fn render(
         &self,
         scene: &Arc<Scene>,
-        target: Option<f64>,
-        time: Option<Duration>,
+        (target, time): (Option<f64>, Option<Duration>),
+        darkness: &mut Darkness,
         watched: &mut dyn FnMut(f64, u64) -> ControlFlow<()>,
-    ) -> Result<(Vec<OfSet>, RenderResult)> {
+    ) -> Result<(SeenLight, RenderResult)> {
         let job = self.job;
         let count = scene.meters().expect("with meters").list.len();
         let resolution = Some([count as u32, 1]);
@@ -178,6 +196,7 @@ impl OneKind<'_> {
             .settings(settings)
             .acceleration(job.backend, Arc::clone(self.accel))
             .stop(Stop { error, time, ..Stop::default() })
+            .at_least(LEAST_ITERATIONS)
             .aovs(AovSelection { light: true, ..AovSelection::default() })
             .interrupted_by(Arc::clone(&job.interrupt));
         let render = match &job.threads {
@@ -195,16 +214,19 @@ impl OneKind<'_> {
                 return ControlFlow::Continue(());
             }
             next_check = (iterations as f64 * CHECK_GROWTH).ceil() as u64 + 1;
-            let readings = readings(state, &series, &columns);
+            let SeenLight { sets, open } = seen_light(state, &series, &columns);
+            let readings = darkness.complete(&sets, &columns, traced(state));
+            // A few more iterations close intervals that a few dominant ones opened.
+            let is_open = iterations < CLOSED_ITERATIONS && open.iter().any(|count| *count > 0);
             let is_late = time.is_none() && iterations >= DARK_ITERATIONS;
             let worst = worst_of(&readings, job.means_only, is_late);
-            let is_dark = is_late && are_dark(&readings);
-            if is_dark || target.is_some_and(|target| worst <= target) {
+            let is_dark = is_late && are_dark(&readings) || are_certainly_dark(&readings);
+            if is_dark || !is_open && target.is_some_and(|target| worst <= target) {
                 return ControlFlow::Break(());
             }
             watched(worst, iterations)
         })?;
-        Ok((readings(&result.state, &series, &columns), result))
+        Ok((seen_light(&result.state, &series, &columns), result))
     }
 
     /// Columns of the image for each set.
@@ -219,8 +241,16 @@ impl OneKind<'_> {
     }
 }
 
-/// Readings of the sets of meters in these columns of the image.
-fn readings(state: &RenderState, series: &MeanSeries, columns: &[Range<usize>]) -> Vec<OfSet> {
+/// Light that the paths of a render job saw.
+struct SeenLight {
+    /// Readings of each set. Those of meters that no light reached are 0.
+    sets: Vec<OfSet>,
+    /// For each set the number of its meters whose intervals are open above.
+    open: Vec<usize>,
+}
+
+/// Light at the sets of meters in these columns of the image.
+fn seen_light(state: &RenderState, series: &MeanSeries, columns: &[Range<usize>]) -> SeenLight {
     let image = state.image();
     let samples = image.iterations() as f64;
     let values: Vec<f64> = image.mean().iter().map(|value| luminance(value.as_dvec3())).collect();
@@ -236,19 +266,39 @@ fn readings(state: &RenderState, series: &MeanSeries, columns: &[Range<usize>]) 
     let squared = convergence.squared_bias(&state.stop);
     let bias = (squared.value + squared.deviation).max(0.0).sqrt();
     let of_means = series.variances(image.weights());
-    let (unseen, meters) = (series.unseen(image.weights()), values.len());
+    let (tails, meters) = (series.tails(image.weights()), values.len());
+    let mut open = vec![0; columns.len()];
     let of_set = |(set, (columns, variance)): (usize, (&Range<usize>, f64))| {
-        let reading = |column: usize| {
+        let mut reading = |column: usize| {
             let (value, direct) = (values[column], direct[column]);
             let own = Reading::new(value, variances[column], bias, direct, samples);
-            own.with_unseen(unseen[column])
+            open[set] += usize::from(own.is_open(&tails[column]));
+            own.with_tail(&tails[column])
         };
         let mean =
             |values: &[f64]| values[columns.clone()].iter().sum::<f64>() / columns.len() as f64;
+        let of_meters = columns.clone().map(&mut reading).collect();
         let mean = Reading::new(mean(&values), variance, bias, mean(&direct), samples);
-        (columns.clone().map(reading).collect(), mean.with_unseen(unseen[meters + set]))
+        (of_meters, mean.with_tail(&tails[meters + set]))
     };
-    columns.iter().zip(of_means).enumerate().map(of_set).collect()
+    let sets = columns.iter().zip(of_means).enumerate().map(of_set).collect();
+    SeenLight { sets, open }
+}
+
+/// Paths of a render job so far.
+fn traced(state: &RenderState) -> TracedPaths {
+    let counts = &state.renderer.block().counts;
+    let iterations = state.status.iterations as f64;
+    let settings = &state.provenance.settings;
+    let (scene, _) = state.renderer.scene_and_accel();
+    let radius = f64::from(settings.radius.min(settings.caustic_radius));
+    let merged =
+        std::f64::consts::PI * radius * radius * f64::from(counts.light_paths) * iterations;
+    let power = f64::from(bdpm_core::base::math::luminance(scene.lights().power()));
+    TracedPaths {
+        camera_paths: counts.camera_paths.mean() * iterations,
+        of_one_photon: if settings.has_photons() { power / merged } else { 0.0 },
+    }
 }
 
 /// Variance of the mean of each meter. The estimate for a corrected bias subtracts the noise of the

@@ -1,6 +1,8 @@
 //! Readings of all meters of a measurement.
 
+use super::darkness::{are_certainly_dark, are_dark};
 use super::extremes::{Estimated, extremes};
+use super::polarization::note as polarization_note;
 use super::reading::{Reading, quantity, unit};
 use super::render_meters::{JobReadings, OfSet, technique};
 use super::warnings::unknown_bias;
@@ -8,13 +10,12 @@ use bdpm_core::scene::{MeterKind, MeterSet, Scene};
 use glam::{DVec3, Vec3};
 use std::time::Duration;
 
-/// Minimum number of camera paths of a meter before none of them with light means that a group of
-/// lights does not light it.
-const DARK_PATHS: f64 = 16384.0;
-
 /// Share of the mean of a set below which the uncertainty of a meter is not compared with its own
 /// value.
 const LEAST_SHARE: f64 = 0.01;
+
+/// Number of sets that a note names.
+const NAMED: usize = 5;
 
 /// Readings of all meters.
 #[derive(Clone, Debug)]
@@ -32,10 +33,11 @@ pub struct Measurement {
 }
 
 impl Measurement {
-    /// Meters whose readings under all lights are unknown, as the names of their sets and their
-    /// numbers.
+    /// Meters whose readings under all lights, or the uncertainties of these, are unknown: the
+    /// names of their sets and their numbers.
     pub fn unknown(&self) -> Vec<(&str, usize)> {
-        let of_set = |set: &SetReadings| set.readings.iter().filter(|own| !own.is_known()).count();
+        let is_unknown = |own: &&Reading| !own.is_known() || !own.has_uncertainty();
+        let of_set = |set: &SetReadings| set.readings.iter().filter(is_unknown).count();
         let sets = self.sets.iter().map(|set| (&set.name[..], of_set(set)));
         sets.filter(|(_, count)| *count > 0).collect()
     }
@@ -48,28 +50,40 @@ impl Measurement {
         }
         let warning = unknown_bias(&own.result).filter(|warning| !self.warnings.contains(warning));
         self.warnings.extend(warning);
-        if are_dark(&own.readings) {
+        if are_dark(&own.readings) && !are_certainly_dark(&own.readings) {
             let iterations = own.result.state.status.iterations;
             let text = format!("{name}: no light reached a meter in {iterations} iterations");
             self.warnings.push(text);
             self.reached = false;
         }
-        let samples = own.result.state.status.iterations as f64;
-        let meters = || own.readings.iter().flat_map(|(readings, _)| readings);
-        let count = meters().filter(|reading| reading.saw_little(samples)).count();
-        if count > 0 {
+        let open: usize = own.open.iter().sum();
+        if open > 0 {
+            let sets = self.sets.iter().filter(|set| set.kind == own.kind);
+            let names = sets.zip(&own.open).filter(|(_, open)| **open > 0);
+            let names: Vec<String> = names.map(|(set, _)| format!("`{}`", set.name)).collect();
             self.warnings.push(format!(
-                "{name}: not enough light seen by {count} of {} meters of {}: few paths carry much of it, so that \
-                 their intervals hold less often than 95 %",
-                meters().count(),
-                quantity(own.kind)
+                "{name}: not enough light seen by {open} of {} meters of {} ({}): few paths carry much of it, so that                  the interval is open above and holds less often than 95 %",
+                own.readings.iter().map(|(readings, _)| readings.len()).sum::<usize>(),
+                quantity(own.kind),
+                list(&names)
             ));
             self.reached = false;
         }
+        let neglected = own.neglected_polarization;
+        self.warnings.extend(neglected.map(|worst| polarization_note(name, worst)));
         if let Some(failure) = own.result.failure() {
             self.warnings.push(format!("the measurement ended too early: {failure}"));
             self.reached = false;
         }
+    }
+}
+
+/// The first names, and how many more there are.
+fn list(names: &[String]) -> String {
+    let shown = names.len().min(NAMED);
+    match names.len() - shown {
+        0 => names.join(", "),
+        more => format!("{} and {more} others", names[..shown].join(", ")),
     }
 }
 
@@ -100,18 +114,14 @@ pub struct SetReadings {
     /// Names of groups of lights with the readings of all meters and their mean, if lights were
     /// measured apart.
     pub groups: Vec<(String, Vec<Reading>, Reading)>,
-    /// Meters that some group of lights did not light, in too few camera paths to conclude
-    /// anything.
-    unseen: Vec<usize>,
 }
 
 impl SetReadings {
     /// Readings of a single meter at the origin.
     pub fn single(name: &str, kind: MeterKind, reading: Reading) -> Self {
         let (readings, mean) = (vec![reading], reading);
-        let (groups, unseen) = (Vec::new(), Vec::new());
         let (name, places) = (name.to_owned(), vec![MeterPlace::default()]);
-        Self { name, kind, grid: [1, 1], places, readings, mean, groups, unseen }
+        Self { name, kind, grid: [1, 1], places, readings, mean, groups: Vec::new() }
     }
 
     /// Unit of the readings.
@@ -141,18 +151,8 @@ impl SetReadings {
         worst(&self.readings, &self.mean, means_only)
     }
 
-    /// Adds the readings of a group of lights after so many camera paths per meter.
-    pub(super) fn add_group(
-        &mut self,
-        name: &str,
-        readings: Vec<Reading>,
-        mean: Reading,
-        paths: f64,
-    ) {
-        if paths < DARK_PATHS {
-            let dark = (0..).zip(&readings).filter(|(_, own)| own.value == 0.0);
-            self.unseen.extend(dark.map(|(index, _)| index));
-        }
+    /// Adds the readings of a group of lights. Sums with an unknown reading are unknown.
+    pub(super) fn add_group(&mut self, name: &str, readings: Vec<Reading>, mean: Reading) {
         if self.readings.is_empty() {
             (self.readings, self.mean) = (readings.clone(), mean);
         } else {
@@ -160,21 +160,6 @@ impl SetReadings {
             (self.readings, self.mean) = (sums, self.mean.plus(&mean));
         }
         self.groups.push((name.into(), readings, mean));
-    }
-
-    /// Makes readings without a contribution unknown, and sums in which a group of lights may be
-    /// missing.
-    pub(super) fn mark_unseen(&mut self) {
-        for index in self.unseen.drain(..) {
-            self.readings[index] = Reading::unknown();
-        }
-        let all = self.readings.iter_mut().chain(std::iter::once(&mut self.mean));
-        let of_groups = |(_, own, mean): &mut (String, Vec<Reading>, Reading)| {
-            own.iter_mut().for_each(|reading| *reading = reading.if_seen());
-            *mean = mean.if_seen();
-        };
-        all.for_each(|reading| *reading = reading.if_seen());
-        self.groups.iter_mut().for_each(of_groups);
     }
 }
 
@@ -191,20 +176,15 @@ pub(super) fn empty_readings(set: &MeterSet, scene: &Scene) -> SetReadings {
         readings: Vec::new(),
         mean: Reading::default(),
         groups: Vec::new(),
-        unseen: Vec::new(),
     }
-}
-
-/// Returns true if no light was seen.
-pub(super) fn are_dark(sets: &[OfSet]) -> bool {
-    sets.iter().flat_map(|(readings, _)| readings).all(|reading| reading.value == 0.0)
 }
 
 /// The largest relative uncertainty of the sets. Meters without light count only until it is
 /// `late`.
 pub(super) fn worst_of(sets: &[OfSet], means_only: bool, is_late: bool) -> f64 {
     let of_set = |(readings, mean): &OfSet| {
-        let counts = |own: &&Reading| !is_late || own.value != 0.0;
+        // Unknown values are NaN.
+        let counts = |own: &&Reading| !is_late || own.value > 0.0;
         let readings: Vec<Reading> = readings.iter().filter(counts).copied().collect();
         worst(&readings, mean, means_only)
     };

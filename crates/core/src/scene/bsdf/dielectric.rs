@@ -1,5 +1,6 @@
 //! Smooth dielectrics: an interface between two media, and a thin sheet.
 
+use super::fresnel::PolarizedShares;
 use super::{BsdfSample, Lobe, Transport, fresnel, mirrored};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
@@ -77,6 +78,11 @@ impl ThinDielectric {
     pub fn shares(&self, cos: f32) -> [Rgb; 2] {
         let [transmitted, reflected] = fresnel::slab(cos, self.eta, Rgb::ONE);
         [transmitted * self.transmittance, reflected]
+    }
+
+    /// Shares of the light that goes straight on, by polarization, at this cosine with the normal.
+    pub fn polarized_shares(&self, cos: f32) -> PolarizedShares {
+        PolarizedShares::of_slab(cos, self.eta, Rgb::ONE).scaled(self.transmittance)
     }
 
     pub(super) fn sample(&self, wo: Vec3, rng: &mut Rng) -> BsdfSample {

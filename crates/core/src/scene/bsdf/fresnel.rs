@@ -25,6 +25,45 @@ pub fn dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
     (0.5 * (s + p), cos_t)
 }
 
+/// Shares of the light that a slab between parallel faces transmits, by polarization, with all
+/// reflections inside.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PolarizedShares {
+    /// Polarized across the plane of incidence.
+    pub s: Rgb,
+    /// Polarized within the plane of incidence.
+    pub p: Rgb,
+    /// Factor of the polarization at 45 degrees to the plane of incidence.
+    pub between: Rgb,
+}
+
+impl PolarizedShares {
+    /// Shares of a slab; the arguments are those of [`slab`]. theory.md (30a), (30d)
+    pub fn of_slab(cos_i: f32, eta: f32, once: Rgb) -> Self {
+        let ([s, p], _) = polarized(cos_i, eta);
+        let between = match s.max(p) {
+            1.0.. => Rgb::ZERO,
+            _ => (1.0 - s) * (1.0 - p) * once / (Rgb::ONE - s * p * once * once),
+        };
+        Self { s: through_slab(s, once), p: through_slab(p, once), between }
+    }
+
+    /// Shares of a slab with a factor of all light.
+    #[must_use]
+    pub fn scaled(self, factor: Rgb) -> Self {
+        Self { s: factor * self.s, p: factor * self.p, between: factor * self.between }
+    }
+}
+
+/// Share that a slab of faces with this reflectance transmits, with all reflections inside.
+fn through_slab(face: f32, once: Rgb) -> Rgb {
+    match face {
+        // Zero over zero if nothing is absorbed.
+        1.0.. => Rgb::ZERO,
+        _ => (1.0 - face).powi(2) * once / (Rgb::ONE - face * face * once * once),
+    }
+}
+
 /// Shares of the light that a slab between parallel faces transmits and reflects, with all
 /// reflections inside. Both polarizations are reflected on their own. `once` is the transmittance
 /// of the medium between the faces. theory.md (30a).
@@ -32,11 +71,7 @@ pub fn slab(cos_i: f32, eta: f32, once: Rgb) -> [Rgb; 2] {
     let (reflectances, _) = polarized(cos_i, eta);
     let (mut transmitted, mut reflected) = (Rgb::ZERO, Rgb::ZERO);
     for own in reflectances {
-        let through = match own {
-            // Zero over zero if nothing is absorbed.
-            1.0.. => Rgb::ZERO,
-            _ => (1.0 - own).powi(2) * once / (Rgb::ONE - own * own * once * once),
-        };
+        let through = through_slab(own, once);
         transmitted += 0.5 * through;
         reflected += 0.5 * (Rgb::splat(own) + own * once * through);
     }

@@ -1,5 +1,6 @@
 //! The environment: a map of radiance over directions, importance sampled.
 
+mod latitudes;
 mod sample;
 
 use super::cutpoints::{Cutpoints, Outcome, UNITS, interval_ends};

@@ -9,6 +9,7 @@ mod cutpoints;
 pub mod emitter;
 pub mod environment;
 pub mod guide;
+pub mod horizon;
 pub mod intensity;
 pub mod luminaire;
 pub(crate) mod packets;

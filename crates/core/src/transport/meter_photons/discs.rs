@@ -5,7 +5,7 @@ use glam::Vec3;
 use std::collections::HashMap;
 
 /// Number of nested radii of each disc.
-pub const RADII: usize = 4;
+pub const RADII: usize = 5;
 
 /// Ratio of neighboring radii.
 pub const RATIO: f32 = 0.5;

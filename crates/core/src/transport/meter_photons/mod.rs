@@ -4,6 +4,8 @@
 
 mod discs;
 mod guide;
+#[cfg(test)]
+mod tests;
 
 use super::camera_paths::{at_pane, survives_passing};
 use super::free_flight::{Passed, travel};
@@ -19,17 +21,20 @@ use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
 /// Light paths of a batch, which one thread traces.
-const BATCH: u32 = 4096;
+const BATCH: u32 = 1024;
 
-/// Batches of an iteration.
-const BATCHES: u32 = 16;
+/// Maximum number of batches of an iteration, and their number while the guide is learned.
+const BATCHES: u32 = 64;
 
-/// Light paths of an iteration.
-pub const PATHS: u32 = BATCH * BATCHES;
+/// Minimum number of batches of an iteration.
+const LEAST_BATCHES: u32 = 4;
 
-/// Cells of the guide along each number, and factors of the radius of the discs, in the stages of
-/// learning.
-const STAGES: [(usize, f32); 2] = [(32, 8.0), (128, 3.0)];
+/// Light paths of an iteration while the guide is learned.
+const PATHS: u32 = BATCH * BATCHES;
+
+/// Cells of the guide along each number, and factors of the radius of the largest discs, in the
+/// stages of learning.
+const STAGES: [(usize, f32); 2] = [(32, 4.0), (128, 1.5)];
 
 /// Paths that arrive in the stages of learning, and iterations after which a stage ends without
 /// them.
@@ -38,6 +43,10 @@ const MOST_ITERATIONS: u64 = 8;
 
 /// Minimum number of iterations of a stage.
 const LEAST_ITERATIONS: u64 = 4;
+
+/// Number of iterations of the first stage, if there is time: the more paths no guide aimed, the
+/// less light they miss.
+const UNGUIDED_ITERATIONS: u64 = 16;
 
 /// Luminance of the irradiance of a meter by the photons of an iteration on the nested discs,
 /// W/m^2.
@@ -53,6 +62,10 @@ pub struct MeterPhotons<'a> {
     seed: u64,
     guide: Option<StartGuide>,
     iterations: u64,
+    /// Batches of each of the following iterations.
+    batches: u32,
+    /// Time of a batch of the latest stage of learning.
+    batch_time: Duration,
     /// Paths that arrived in the largest discs, in all iterations.
     arrived: u64,
     /// Luminance of the flux of a path in the first stage of learning over the area of its discs,
@@ -101,6 +114,8 @@ impl<'a> MeterPhotons<'a> {
             seed,
             guide: None,
             iterations: 0,
+            batches: BATCHES,
+            batch_time: Duration::ZERO,
             arrived: 0,
             of_one_path: f64::INFINITY,
         };
@@ -117,11 +132,16 @@ impl<'a> MeterPhotons<'a> {
             let discs = MeterDiscs::new(meters, factor * radius);
             let (mut counts, mut total) = (vec![0u32; grid.len()], 0);
             let mut paths = 0.0;
-            for iteration in 0..MOST_ITERATIONS {
+            let begin = Instant::now();
+            let [least, most] = match stage {
+                0 => [UNGUIDED_ITERATIONS; 2],
+                _ => [LEAST_ITERATIONS, MOST_ITERATIONS],
+            };
+            for iteration in 0..most {
                 paths += f64::from(PATHS);
-                let number = stage * MOST_ITERATIONS + iteration;
+                let number = stage * UNGUIDED_ITERATIONS + iteration;
                 let key = StreamKey::new(self.seed, Stream::MeterPilot, number);
-                for batch in self.batches(key, grid, &discs) {
+                for batch in self.trace_batches(BATCHES, key, grid, &discs) {
                     total += batch.cells.len() as u32;
                     batch.cells.into_iter().for_each(|cell| counts[cell] += 1);
                 }
@@ -129,10 +149,11 @@ impl<'a> MeterPhotons<'a> {
                 // Each stage has an equal share of the time.
                 let share = f64::from(stage as u32 + 1) / STAGES.len() as f64;
                 let is_late = time.is_some_and(|time| start.elapsed() >= time.mul_f64(share));
-                if is_late || is_decided && iteration + 1 >= LEAST_ITERATIONS {
+                if is_late || is_decided && iteration + 1 >= least {
                     break;
                 }
             }
+            self.batch_time = begin.elapsed().div_f64(paths / f64::from(BATCH));
             if self.guide.is_none() {
                 let flux = f64::from(self.lights.total_power()) / paths;
                 self.of_one_path = self.of_one_path.min(flux / discs.area(0));
@@ -150,7 +171,7 @@ impl<'a> MeterPhotons<'a> {
         let key = StreamKey::new(self.seed, Stream::MeterPhotons, self.iterations);
         let grid = GuideGrid::new(self.lights.emitters().len(), 1);
         let mut sums = vec![[0.0; RADII]; self.count];
-        for batch in self.batches(key, grid, &self.discs) {
+        for batch in self.trace_batches(self.batches, key, grid, &self.discs) {
             self.arrived += batch.cells.len() as u64;
             for (meter, levels, flux) in batch.crossings {
                 sums[meter as usize][..levels.into()].iter_mut().for_each(|sum| *sum += flux);
@@ -158,7 +179,7 @@ impl<'a> MeterPhotons<'a> {
         }
         for sums in &mut sums {
             for (level, sum) in sums.iter_mut().enumerate() {
-                *sum /= f64::from(PATHS) * self.discs.area(level);
+                *sum /= f64::from(self.paths()) * self.discs.area(level);
             }
         }
         self.iterations += 1;
@@ -187,12 +208,32 @@ impl<'a> MeterPhotons<'a> {
         self.of_one_path
     }
 
-    fn batches(&self, key: StreamKey, grid: GuideGrid, discs: &MeterDiscs) -> Vec<BatchSums> {
+    /// Chooses the number of light paths such that so many iterations take about this time. All
+    /// iterations must have one number of paths.
+    pub fn fit(&mut self, iterations: u64, time: Duration) {
+        assert_eq!(self.iterations, 0, "iterations of one size");
+        let batch_time = self.batch_time.as_secs_f64().max(1e-9);
+        let batches = time.as_secs_f64() / (iterations as f64 * batch_time);
+        self.batches = (batches as u32).clamp(LEAST_BATCHES, BATCHES);
+    }
+
+    /// Light paths of an iteration.
+    pub fn paths(&self) -> u32 {
+        self.batches * BATCH
+    }
+
+    fn trace_batches(
+        &self,
+        count: u32,
+        key: StreamKey,
+        grid: GuideGrid,
+        discs: &MeterDiscs,
+    ) -> Vec<BatchSums> {
         let one = |batch: u32| {
             let paths = u64::from(batch * BATCH)..u64::from((batch + 1) * BATCH);
             self.trace(paths.map(|path| key.rng(path)), grid, discs)
         };
-        (0..BATCHES).into_par_iter().map(one).collect()
+        (0..count).into_par_iter().map(one).collect()
     }
 
     /// Traces paths bounce by bounce.
