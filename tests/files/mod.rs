@@ -18,6 +18,7 @@ mod gltf;
 mod gltf_bad;
 mod gltf_looks;
 mod instances;
+mod hdr;
 mod light;
 mod light_names;
 mod luminaires;
