@@ -317,7 +317,6 @@ fn approximations_and_omissions_are_warnings() {
         ("<shape type='hair'/>", "left out shapes of type `hair`"),
         ("<emitter type='sunsky'/>", "left out further environments"),
         ("<emitter type='projector'/>", "used a round spot of the same power"),
-        ("<emitter type='spot'/>", "falloff"),
         (
             "<shape type='disk'><bsdf type='normalmap'><texture name='normalmap' type='rawconstant'>\
              <vector name='value' value='0.5, 0.5, 1'/></texture><bsdf type='diffuse'/></bsdf></shape>",
