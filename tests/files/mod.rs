@@ -32,6 +32,7 @@ mod mtl;
 mod obj;
 mod pbrt;
 mod ply;
+mod pbrt_state;
 mod shapes;
 mod sky;
 mod tolerant;
