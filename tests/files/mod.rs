@@ -25,6 +25,7 @@ mod light_names;
 mod luminaires;
 mod media;
 mod memory;
+mod meshopt;
 mod mitsuba;
 mod mitsuba_bad;
 mod mitsuba_sensors;
