@@ -24,18 +24,6 @@ pub fn run(path: &str, test: impl FnOnce()) {
     assert!(output.status.success() && text.contains("1 passed"), "{path} failed:\n{text}");
 }
 
-/// Defines tests that [`run`] these functions.
-macro_rules! in_own_process {
-    ($($test:ident: $function:ident;)*) => {$(
-        #[test]
-        fn $test() {
-            let path = concat!(module_path!(), "::", stringify!($test));
-            $crate::common::own_process::run(path, $function);
-        }
-    )*};
-}
-pub(crate) use in_own_process;
-
 /// Peak memory of this process, bytes, if the system reports it (Linux).
 pub fn peak_memory() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/self/status").ok()?;

@@ -3,7 +3,7 @@
 //! `PROPTEST_CASES=100000` tries far more.
 
 use crate::common::mutate::{apply, change, fuzz_config, load_and_check};
-use crate::common::own_process::{in_own_process, peak_memory};
+use crate::common::own_process::{self, peak_memory};
 use bdpm::image_io::{Image, Layer, write_exr};
 use bdpm::load::load;
 use glam::Vec3;
@@ -136,6 +136,17 @@ proptest! {
         changes.iter().for_each(|change| apply(&mut picture, change));
         check("a.hdr", &picture);
     }
+}
+
+/// Defines tests that [`own_process::run`] these functions.
+macro_rules! in_own_process {
+    ($($test:ident: $function:ident;)*) => {$(
+        #[test]
+        fn $test() {
+            let path = concat!(module_path!(), "::", stringify!($test));
+            own_process::run(path, $function);
+        }
+    )*};
 }
 
 in_own_process! {

@@ -233,7 +233,7 @@ mod tests {
     fn corners_at_one_place_do_not_change_the_area() {
         let star = |i: u32| {
             let angle = i as f32 * (std::f32::consts::TAU / 8.0);
-            Vec3::new(angle.cos(), angle.sin(), 0.0) * if i % 2 == 0 { 0.9 } else { 0.3 }
+            Vec3::new(angle.cos(), angle.sin(), 0.0) * if i.is_multiple_of(2) { 0.9 } else { 0.3 }
         };
         let once: Vec<Vec3> = (0..8).map(star).collect();
         let [area, _] = areas(&once);

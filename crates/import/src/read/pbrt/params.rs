@@ -99,7 +99,7 @@ impl Params {
         let added = self.added.iter().enumerate().filter(|(_, param)| param.name == name);
         self.used.borrow_mut().extend(added.clone().map(|(index, _)| index));
         let own = self.all.iter().rfind(|param| param.name == name);
-        own.or_else(|| added.map(|(_, param)| &**param).last())
+        own.or_else(|| added.map(|(_, param)| &**param).next_back())
     }
 
     /// Names of the parameters that nothing asked for.
