@@ -148,6 +148,7 @@ fn all_lights() -> Arc<Scene> {
         intensity: Vec3::splat(1.5),
         cos_inner: 0.95,
         cos_outer: 0.7,
+        falloff: bdpm::scene::Falloff::default(),
     };
     let lights = vec![Emitter::Spot(spot), sun()];
     let eye = Vec3::new(-0.8, -0.85, 0.7);

@@ -13,6 +13,7 @@ pub mod html;
 pub mod images;
 pub mod material_noise;
 pub mod mutate;
+pub mod own_process;
 pub mod program_output;
 pub mod scene_case;
 pub mod several_ways;

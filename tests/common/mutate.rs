@@ -4,6 +4,8 @@ use bdpm::load::{Loaded, load};
 use bdpm::scene::Mesh;
 use bdpm::settings::{PartialSettings, Settings};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+use std::hash::{BuildHasher, RandomState};
 use std::path::Path;
 
 /// Text that is likely to matter where it does not belong.
@@ -65,6 +67,23 @@ pub const TOKENS: &[&str] = &[
     "..",
     "%",
 ];
+
+/// The settings of a fuzz test of so many cases, or `PROPTEST_CASES`. Prints the seed, which a
+/// failure shows.
+pub fn fuzz_config(cases: u32) -> ProptestConfig {
+    let given = |name: &str| std::env::var(name).ok().and_then(|text| text.parse::<u64>().ok());
+    let random = || RandomState::new().hash_one(0);
+    let seed = given("PROPTEST_RNG_SEED").unwrap_or_else(random);
+    let cases = given("PROPTEST_CASES").map_or(cases, |cases| cases as u32);
+    println!("PROPTEST_RNG_SEED={seed} PROPTEST_CASES={cases} repeats this test");
+    seeded_config(cases, seed)
+}
+
+/// The settings of a fuzz test with this seed.
+pub fn seeded_config(cases: u32, seed: u64) -> ProptestConfig {
+    let rng_seed = RngSeed::Fixed(seed);
+    ProptestConfig { cases, rng_seed, failure_persistence: None, ..ProptestConfig::default() }
+}
 
 #[derive(Clone, Debug)]
 pub enum Change {

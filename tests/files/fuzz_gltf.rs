@@ -3,7 +3,7 @@
 //! `PROPTEST_CASES=100000` tries far more.
 
 use crate::common::gltf::*;
-use crate::common::mutate::{apply, change, load_and_check};
+use crate::common::mutate::{apply, change, fuzz_config, load_and_check};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -227,11 +227,7 @@ fn check(content: &[u8], name: &str) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(1500),
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(fuzz_config(1500))]
 
     #[test]
     fn changed_values_load_or_are_refused(edits in vec(edit(), 1..5)) {

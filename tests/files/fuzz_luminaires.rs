@@ -1,7 +1,7 @@
 //! No photometric file makes the reader panic: good ones with pieces deleted, doubled or replaced.
 //! `PROPTEST_CASES=100000` tries far more.
 
-use crate::common::mutate::{apply, change};
+use crate::common::mutate::{apply, change, fuzz_config};
 use bdpm::light::photometry::LuminaireFile;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -16,11 +16,7 @@ const FILES: [(&str, &[u8]); 6] = [
 ];
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(2000),
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(fuzz_config(2000))]
 
     #[test]
     fn changed_photometric_files_are_read_or_refused(

@@ -1,7 +1,7 @@
 //! No file of Mitsuba's, and no mesh that it names, makes the loader panic: good ones with pieces
 //! deleted, doubled or replaced. `PROPTEST_CASES=100000` tries far more.
 
-use crate::common::mutate::{apply, change, load_soundly};
+use crate::common::mutate::{apply, change, fuzz_config, load_soundly};
 use bdpm::load::load;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -44,11 +44,7 @@ fn check(scene: &[u8], base: &[u8], ply: &[u8], serialized: &[u8]) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(400),
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(fuzz_config(400))]
 
     #[test]
     fn changed_scenes_load_or_are_refused(which in 0..SCENES.len(), changes in vec(change(), 1..6)) {

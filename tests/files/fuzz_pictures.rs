@@ -2,7 +2,8 @@
 //! maps of the environment (EXR, HDR) with bytes replaced, deleted and doubled.
 //! `PROPTEST_CASES=100000` tries far more.
 
-use crate::common::mutate::{apply, change, load_and_check};
+use crate::common::mutate::{apply, change, fuzz_config, load_and_check};
+use crate::common::own_process::{self, peak_memory};
 use bdpm::image_io::{Image, Layer, write_exr};
 use bdpm::load::load;
 use glam::Vec3;
@@ -87,13 +88,6 @@ fn check(name: &str, picture: &[u8]) {
     assert!(peak_memory().is_none_or(|peak| peak < 2 << 30), "took {:?} bytes", peak_memory());
 }
 
-/// Peak memory of the process, bytes, if the system reports it (Linux).
-fn peak_memory() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
-}
-
 /// Bytes replaced anywhere, mostly in the head, where sizes are.
 fn bytes() -> impl Strategy<Value = Vec<(f64, u8)>> {
     let place = prop_oneof![0.0..1.0, 0.0..0.2_f64];
@@ -110,52 +104,62 @@ fn replaced(picture: &[u8], bytes: &[(f64, u8)]) -> Vec<u8> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(700),
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(fuzz_config(700))]
 
-    #[test]
-    fn changed_png_loads_or_is_refused(changes in vec(change(), 0..4), bytes in bytes()) {
+    fn changed_png(changes in vec(change(), 0..4), bytes in bytes()) {
         let mut picture = replaced(&PNG, &bytes);
         changes.iter().for_each(|change| apply(&mut picture, change));
         check("a.png", &picture);
     }
 
-    #[test]
-    fn changed_jpeg_loads_or_is_refused(changes in vec(change(), 0..4), bytes in bytes()) {
+    fn changed_jpeg(changes in vec(change(), 0..4), bytes in bytes()) {
         let mut picture = replaced(JPEG, &bytes);
         changes.iter().for_each(|change| apply(&mut picture, change));
         check("a.jpg", &picture);
     }
 
-    #[test]
-    fn other_changed_pictures_load_or_are_refused(changes in vec(change(), 0..4), bytes in bytes(), kind in 0..OTHERS.len()) {
+    fn changed_others(changes in vec(change(), 0..4), bytes in bytes(), kind in 0..OTHERS.len()) {
         let (name, picture) = &OTHERS[kind];
         let mut picture = replaced(picture, &bytes);
         changes.iter().for_each(|change| apply(&mut picture, change));
         check(name, &picture);
     }
 
-    #[test]
-    fn changed_exr_loads_or_is_refused(changes in vec(change(), 0..4), bytes in bytes()) {
+    fn changed_exr(changes in vec(change(), 0..4), bytes in bytes()) {
         let mut picture = replaced(&EXR, &bytes);
         changes.iter().for_each(|change| apply(&mut picture, change));
         check("a.exr", &picture);
     }
 
-    #[test]
-    fn changed_hdr_loads_or_is_refused(changes in vec(change(), 0..4), bytes in bytes()) {
+    fn changed_hdr(changes in vec(change(), 0..4), bytes in bytes()) {
         let mut picture = replaced(&HDR, &bytes);
         changes.iter().for_each(|change| apply(&mut picture, change));
         check("a.hdr", &picture);
     }
 }
 
+/// Defines tests that [`own_process::run`] these functions.
+macro_rules! in_own_process {
+    ($($test:ident: $function:ident;)*) => {$(
+        #[test]
+        fn $test() {
+            let path = concat!(module_path!(), "::", stringify!($test));
+            own_process::run(path, $function);
+        }
+    )*};
+}
+
+in_own_process! {
+    changed_png_loads_or_is_refused: changed_png;
+    changed_jpeg_loads_or_is_refused: changed_jpeg;
+    other_changed_pictures_load_or_are_refused: changed_others;
+    changed_exr_loads_or_is_refused: changed_exr;
+    changed_hdr_loads_or_is_refused: changed_hdr;
+    impossible_picture_sizes_are_refused: impossible_sizes;
+}
+
 /// Found by the changes above: memory was taken for what the head says.
-#[test]
-fn impossible_picture_sizes_are_refused() {
+fn impossible_sizes() {
     let mut picture = EXR.clone();
     let name = b"dataWindow\0box2i\0";
     let window = picture.windows(name.len()).position(|bytes| bytes == name).unwrap();

@@ -2,10 +2,12 @@
 //! bytes, and good files with pieces deleted, doubled or replaced. `PROPTEST_CASES=100000` tries
 //! far more.
 
-use crate::common::mutate::{TOKENS, apply, change, load_and_check};
+use crate::common::mutate::{TOKENS, apply, change, fuzz_config, load_and_check, seeded_config};
 use bdpm::load::load;
 use proptest::collection::vec;
 use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::TestRunner;
 
 const TOML: &str = include_str!("../../docs/reference/scene-format.md");
 const OBJ: &str = "mtllib a.mtl\no a b\nv -1 0 -1\nv -1 0 1 1\nv 1 0 1 .1 .2 .3\nv 1 0 -1\n\
@@ -28,11 +30,7 @@ fn check(scene: &[u8], obj: &[u8], mtl: &[u8], name: &str) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(1500),
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(fuzz_config(1500))]
 
     #[test]
     fn files_of_random_bytes_load_or_are_refused(bytes in vec(any::<u8>(), 0..300)) {
@@ -87,4 +85,15 @@ fn unmodified_files_load() {
     load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
     let loaded = load(folder.path().join("a.obj")).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(loaded.scene.triangle_count(), 4);
+}
+
+#[test]
+fn a_seed_repeats_the_cases() {
+    let cases = |seed| {
+        let mut runner = TestRunner::new(seeded_config(1, seed));
+        let change = |_| format!("{:?}", change().new_tree(&mut runner).unwrap().current());
+        (0..5).map(change).collect::<Vec<_>>()
+    };
+    assert_eq!(cases(3), cases(3));
+    assert_ne!(cases(3), cases(4));
 }

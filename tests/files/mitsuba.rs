@@ -317,7 +317,6 @@ fn approximations_and_omissions_are_warnings() {
         ("<shape type='hair'/>", "left out shapes of type `hair`"),
         ("<emitter type='sunsky'/>", "left out further environments"),
         ("<emitter type='projector'/>", "used a round spot of the same power"),
-        ("<emitter type='spot'/>", "falloff"),
         (
             "<shape type='disk'><bsdf type='normalmap'><texture name='normalmap' type='rawconstant'>\
              <vector name='value' value='0.5, 0.5, 1'/></texture><bsdf type='diffuse'/></bsdf></shape>",
@@ -424,5 +423,27 @@ fn medium_around_the_sensor_fills_the_scene() {
     ] {
         let loaded = read(&scene(&[fog, &sensor, lamp, &shapes].concat()));
         assert_eq!(loaded.scene.filling_medium().is_some(), fills, "{shapes}");
+    }
+}
+
+/// Coefficients have the color of no light: a constant spectrum is gray, as one number is.
+#[test]
+fn constant_spectra_of_media_are_gray() {
+    for sigma in [
+        "<float name='sigma_t' value='1.5'/>",
+        "<spectrum name='sigma_t' value='1.5'/>",
+        "<spectrum name='sigma_t' value='400:1.5, 700:1.5'/>",
+        "<volume type='constvolume' name='sigma_t'>\
+         <spectrum name='value' value='300:1.5, 900:1.5'/></volume>",
+    ] {
+        let medium = format!(
+            "<medium type='homogeneous' id='ink'>{sigma}<rgb name='albedo' value='0'/></medium>\
+             <shape type='sphere'><bsdf type='null'/><ref name='interior' id='ink'/></shape>"
+        );
+        let loaded = read(&scene(&format!("{LIGHT}{medium}")));
+        let boundary = loaded.scene.materials().iter().find_map(|own| own.boundary.clone());
+        let absorption = boundary.unwrap().interior.unwrap().absorption;
+        // Both ends of the visible range are missing from the third one.
+        assert!((absorption - 1.5).abs().max_element() < 0.01, "{sigma}: {absorption}");
     }
 }

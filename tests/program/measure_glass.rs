@@ -101,6 +101,7 @@ fn lamps_without_a_surface_shine_through_slabs_and_sheets() {
         intensity: Vec3::splat(intensity),
         cos_inner: 0.9,
         cos_outer: 0.8,
+        falloff: bdpm::scene::Falloff::default(),
     });
     let transmittance = 0.96 / 1.04;
     let through_slab = 1000.0 * transmittance / (2.0f64 - 0.01 / 3.0).powi(2);

@@ -7,7 +7,7 @@ use crate::common::*;
 use bdpm::image_io::{Image, Layer, write_exr};
 use bdpm::noise::Measure;
 use bdpm::scene::bsdf::{Bsdf, Dielectric};
-use bdpm::scene::{Emitter, Environment, Material, Spot};
+use bdpm::scene::{Emitter, Environment, Falloff, Material, Spot};
 use bdpm::settings::{Direct, Settings};
 use bdpm::{Renderer, Scene};
 use glam::Vec3;
@@ -30,6 +30,7 @@ fn spot() -> Spot {
         intensity: Vec3::splat(10.0),
         cos_inner: 0.97,
         cos_outer: 0.8,
+        falloff: Falloff::default(),
     }
 }
 

@@ -52,6 +52,7 @@ fn room(panel: Vec3, ball: Bsdf) -> Arc<Scene> {
         intensity: Vec3::new(1.5, 1.0, 0.5),
         cos_inner: 0.95,
         cos_outer: 0.7,
+        falloff: bdpm::scene::Falloff::default(),
     };
     let direction = Vec3::new(0.3, 0.2, -1.0).normalize();
     let sun = bdpm::scene::Directional::new(direction, Vec3::splat(1.0));

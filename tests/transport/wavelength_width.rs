@@ -37,6 +37,7 @@ fn seen_through_a_ball(fog: bool) -> Arc<Scene> {
         intensity: Vec3::splat(100.0),
         cos_inner: f64::from(EDGE - 0.0005).cos(),
         cos_outer: f64::from(EDGE + 0.0005).cos(),
+        falloff: bdpm::scene::Falloff::default(),
     };
     let glass = glass(RefractiveIndex::Abbe { index: 1.5, abbe: 4.0 });
     let scene = scene(

@@ -1,13 +1,13 @@
 //! Environments: maps of radiance.
 
+use super::hdr;
 use super::read::toml::sky::SkyTable;
-use super::text::{decoded, open, read_bytes};
+use super::text::open;
 use super::warnings::Warning;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
-use bdpm_core::image_io::{Metadata, NOISY, Primaries, converted, read_exr_display};
+use bdpm_core::image_io::{Metadata, NOISY, read_exr_display};
 use bdpm_core::scene::{Environment, Inset, InsetGrid};
-use glam::DMat3;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -183,7 +183,7 @@ pub fn read_radiance(path: &Path) -> Result<RadianceImage> {
             Ok(RadianceImage { size, pixels, noise, metadata: image.metadata })
         }
         "hdr" => {
-            let (width, height, pixels) = read_hdr(path)?;
+            let (width, height, pixels) = hdr::read(path)?;
             let (size, metadata) = ((width, height), Metadata::new());
             Ok(RadianceImage { size, pixels, noise: None, metadata })
         }
@@ -192,56 +192,6 @@ pub fn read_radiance(path: &Path) -> Result<RadianceImage> {
             Err(Error::new(problem, "convert it to one of these").at(path))
         }
     }
-}
-
-fn read_hdr(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
-    let broken = |problem: String| {
-        Error::new(format!("cannot read it as an HDR image: {problem}"), "give an .hdr file")
-            .at(path)
-    };
-    let bytes = read_bytes(path, u64::MAX)?;
-    let header = hdr_header(&bytes);
-    let mut decoder =
-        zune_hdr::HdrDecoder::new(zune_hdr::zune_core::bytestream::ZCursor::new(bytes));
-    let values = decoder.decode().map_err(|e| broken(format!("{e:?}")))?;
-    let (width, height) = decoder.dimensions().ok_or_else(|| broken("it has no size".into()))?;
-    let mut pixels = values.chunks_exact(3).map(Rgb::from_slice).collect::<Vec<_>>();
-    if pixels.is_empty() || pixels.len() != width * height {
-        return Err(broken("its pixels are incomplete".into()));
-    }
-    let (factor, map) = header;
-    if factor != Rgb::ONE || map.is_some() {
-        let map = map.unwrap_or(DMat3::IDENTITY);
-        pixels.iter_mut().for_each(|pixel| *pixel = converted(map, factor * *pixel));
-    }
-    Ok((width as u32, height as u32, pixels))
-}
-
-/// The factor of the pixels of an HDR image, and the map of their primaries to Rec. 709. `EXPOSURE`
-/// and `COLORCORR` are factors that a program has multiplied with, as the manual of Radiance says.
-/// Those that are not positive numbers have no effect.
-fn hdr_header(bytes: &[u8]) -> (Rgb, Option<DMat3>) {
-    /// Maximum length of a header, bytes.
-    const MAX_HEADER: usize = 1 << 16;
-    let header = decoded(&bytes[..bytes.len().min(MAX_HEADER)]);
-    let (mut factor, mut map) = (Rgb::ONE, None);
-    for line in header.lines().take_while(|line| !line.trim().is_empty()) {
-        let Some((key, value)) = line.split_once('=') else { continue };
-        let numbers = value.split_whitespace().map(|word| word.parse::<f64>());
-        let Ok(numbers) = numbers.collect::<std::result::Result<Vec<f64>, _>>() else { continue };
-        let is_factor = numbers.iter().all(|number| (1e-30..1e30).contains(number));
-        match (key.trim(), &numbers[..]) {
-            ("EXPOSURE", [exposure]) if is_factor => factor /= *exposure as f32,
-            ("COLORCORR", [r, g, b]) if is_factor => {
-                factor /= Rgb::new(*r as f32, *g as f32, *b as f32);
-            }
-            ("PRIMARIES", &[a, b, c, d, e, f, g, h]) => {
-                map = Primaries { xy: [[a, b], [c, d], [e, f], [g, h]] }.to_rec_709();
-            }
-            _ => {}
-        }
-    }
-    (factor, map)
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ mod far;
 mod file_names;
 mod growth;
 mod gzip;
+mod hdr;
 mod light;
 mod lines;
 mod look;

@@ -2,14 +2,14 @@
 
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
-use bdpm_core::scene::Spot;
 use bdpm_core::scene::transform::MAX_COORDINATE;
+use bdpm_core::scene::{Falloff, Spot};
 use glam::{DVec3, Vec3};
 
 /// Narrowest falloff of a spot in cosines. Rounding must not reduce it to 0.
 const LEAST_FALLOFF: f64 = 1e-9;
 
-/// A spot with these cosines of its inner and outer angle.
+/// A spot with these cosines of its inner and outer angle, and the falloff of glTF between them.
 pub fn spot(
     position: Vec3,
     direction: Vec3,
@@ -18,7 +18,8 @@ pub fn spot(
 ) -> Spot {
     let cos_inner = cos_inner.min(1.0);
     let cos_outer = cos_outer.min(cos_inner - LEAST_FALLOFF);
-    Spot { position, direction, intensity, cos_inner, cos_outer }
+    let falloff = Falloff::default();
+    Spot { position, direction, intensity, cos_inner, cos_outer, falloff }
 }
 
 /// The position of a light.

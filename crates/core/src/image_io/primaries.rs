@@ -40,6 +40,14 @@ impl Primaries {
         map.is_finite().then_some(map)
     }
 
+    /// The map of CIE XYZ to Rec. 709.
+    ///
+    /// # Panics
+    /// Never: the primaries of Rec. 709 make a basis.
+    pub fn xyz_to_rec_709() -> DMat3 {
+        Self::REC_709.to_xyz().expect("they make a basis").inverse()
+    }
+
     /// The map to CIE XYZ, in which white has a luminance of 1.
     pub(super) fn to_xyz(self) -> Option<DMat3> {
         let [red, green, blue, own] = self.xy;

@@ -340,7 +340,7 @@ pub fn brightest_path(scene: &Scene) -> f64 {
     let lights = scene.lights();
     let emitter = |emitter: &Emitter| match emitter {
         Emitter::Triangle { radiance, .. } => uniform * of(*radiance),
-        Emitter::Textured(panel) => varying * of(panel.mean()),
+        Emitter::Textured(panel) => varying * of(panel.seen_mean()),
         Emitter::Directional(light) => of(light.irradiance) / PI,
         Emitter::Point { intensity, .. } => of(*intensity) / (PI * near),
         Emitter::Spot(spot) => of(spot.intensity) / (PI * near),

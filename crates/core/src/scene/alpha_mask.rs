@@ -19,7 +19,7 @@ use xxhash_rust::xxh3::xxh3_64;
 const THRESHOLD: f32 = 0.5;
 
 /// The opacity of a surface.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct AlphaMask {
     pub(super) texture: Option<Arc<Texture>>,
     /// Factor of the opacity if it is the share of rays that meet the surface; `None` for a binary

@@ -67,7 +67,7 @@ pub struct DiffuseVertices {
     pub off_surface: Vec3s,
     /// Reflected shares.
     pub albedo: Vec3s,
-    /// Radiance that the fronts emit, if `any_emits`.
+    /// Emitted radiance, if `any_emits`.
     pub emission: Vec3s,
 }
 

@@ -115,8 +115,8 @@ mod tests {
     };
     use crate::scene::texture::{Sampling, Wrap};
     use crate::scene::{
-        Arrangement, Directional, Extent, FieldOfView, FisheyeProjection, NormalMap, Optics,
-        Region, Spot, Transform,
+        Arrangement, Directional, Extent, Falloff, FieldOfView, FisheyeProjection, NormalMap,
+        Optics, Region, Spot, Transform,
     };
     use glam::{DAffine3, DVec3, Vec2, Vec3};
     use std::sync::Arc;
@@ -187,6 +187,7 @@ mod tests {
             intensity: Rgb::ONE,
             cos_inner: 0.8,
             cos_outer: 0.5,
+            falloff: Falloff::Quadratic,
         }
     }
 
@@ -320,6 +321,19 @@ mod tests {
         seen.sort_unstable();
         seen.dedup();
         assert_eq!(seen.len(), count);
+    }
+
+    #[test]
+    fn falloffs_of_spots_and_sides_of_emission_count() {
+        let spots =
+            [Falloff::Quadratic, Falloff::Smoothstep, Falloff::LinearInAngle].map(|falloff| {
+                let lights = vec![Emitter::Spot(Spot { falloff, ..spot() })];
+                SceneParts { lights, ..parts() }.fingerprint()
+            });
+        assert!(spots[0] != spots[1] && spots[1] != spots[2] && spots[2] != spots[0]);
+        let material = Material { two_sided_emission: true, ..parts().material };
+        let both = SceneParts { material, ..parts() };
+        assert_ne!(both.fingerprint(), parts().fingerprint());
     }
 
     #[test]

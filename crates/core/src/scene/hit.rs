@@ -126,8 +126,9 @@ impl Scene {
     fn set_emission(&self, triangles: &[&Triangle; LANES], emits: &Mask, at: &mut DiffuseVertices) {
         at.any_emits = true;
         for lane in (0..LANES).filter(|&lane| emits[lane]) {
-            let material = triangles[lane].material as usize;
-            at.emission.set(lane, self.materials[material].emission);
+            let material = &self.materials[triangles[lane].material as usize];
+            let emits = at.front[lane] || material.two_sided_emission;
+            at.emission.set(lane, if emits { material.emission } else { Rgb::ZERO });
         }
     }
 

@@ -34,7 +34,8 @@ pub struct Material {
     /// Map that bends the normals.
     pub normal_map: Option<NormalMap>,
     /// Radiance emitted from the front side, W/(m^2 sr); seen from the front, vertices are
-    /// counterclockwise.
+    /// counterclockwise. Where a share of the rays meets the surface, this is the radiance that
+    /// they see, and the surface emits the share of it.
     pub emission: Rgb,
     /// Factor of the emission.
     pub emission_texture: Option<Arc<Texture>>,
@@ -50,6 +51,9 @@ pub struct Material {
     /// it part of the fingerprint, so that other scenes keep theirs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transmittance_texture: Option<Arc<Texture>>,
+    /// If true, the back emits as the front does. Only then is it part of the fingerprint.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub two_sided_emission: bool,
 }
 
 impl Material {
@@ -70,6 +74,7 @@ impl Material {
             hidden_from_camera: false,
             boundary: None,
             transmittance_texture: None,
+            two_sided_emission: false,
         }
     }
 
@@ -117,19 +122,17 @@ impl Material {
         merges && !self.bsdf.is_constant() || self.normal_map.is_some()
     }
 
-    /// Radiance emitted from the front side at `uv`, W/(m^2 sr).
+    /// Radiance that rays see on a side that emits at `uv`, W/(m^2 sr).
     pub fn emission_at(&self, uv: Vec2) -> Rgb {
         let color = |texture: &Arc<Texture>| texture.color(uv);
         self.emission * self.emission_texture.as_ref().map_or(Rgb::ONE, color)
     }
 
-    /// The alpha mask; `None` if no ray passes. Lights have none, because they emit from the whole
-    /// triangle.
+    /// The alpha mask; `None` if no ray passes.
     pub fn alpha_mask(&self) -> Option<AlphaMask> {
-        let Self { opacity_texture, opacity, emission, .. } = self;
+        let Self { opacity_texture, opacity, .. } = self;
         let passes = opacity_texture.is_some() || opacity.is_some_and(|opacity| opacity < 1.0);
-        let alpha_mask = || AlphaMask { texture: opacity_texture.clone(), factor: *opacity };
-        (passes && *emission == Rgb::ZERO).then(alpha_mask)
+        passes.then(|| AlphaMask { texture: opacity_texture.clone(), factor: *opacity })
     }
 
     /// Returns true if the surface, at least in part, is met by a share of the rays only.
@@ -184,6 +187,6 @@ mod tests {
         let share = |opacity| Material { opacity: Some(opacity), ..plain.clone() };
         assert!(share(0.5).alpha_mask().is_some() && share(1.0).alpha_mask().is_none());
         let lamp = Material { emission: Rgb::ONE, ..share(0.5) };
-        assert!(lamp.alpha_mask().is_none(), "lights let no ray pass");
+        assert!(lamp.alpha_mask().is_some(), "lights let rays pass as well");
     }
 }

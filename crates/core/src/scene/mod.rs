@@ -39,7 +39,7 @@ pub use camera::{Camera, Extent, FieldOfView, FisheyeProjection, Optics, View};
 pub use dispersion::{Dispersion, RefractiveIndex};
 pub use hit::HitScratch;
 pub use light_source::LightSource;
-pub use lights::emitter::{Directional, Emitter, Spot};
+pub use lights::emitter::{Directional, Emitter, Falloff, Spot};
 pub use lights::environment::{Environment, Inset, InsetGrid};
 pub use lights::horizon::{Horizon, StraightLight};
 pub use lights::intensity::{IntensityDistribution, Photometry};

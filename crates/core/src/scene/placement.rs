@@ -230,7 +230,7 @@ impl Placement {
     }
 
     /// Adds the mesh's triangles, which are `stored`, to the emitters if this placement emits, and
-    /// their front sides to the facets; this is placement `number`.
+    /// their sides that emit to the facets; this is placement `number`.
     pub(super) fn emit(
         &self,
         mesh: &Mesh,
@@ -256,17 +256,15 @@ impl Placement {
         if radiance.max_element() <= 0.0 {
             return;
         }
-        let picture = material.emission_texture.as_ref();
-        let glow =
-            picture.map(|picture| TextureEmission::new(picture, radiance, mesh.triangles.len()));
+        let glow = TextureEmission::of(material, mesh.triangles.len());
+        let sides = if material.two_sided_emission { &[true, false][..] } else { &[true] };
         for (index, (indices, stored)) in (0..).zip(mesh.triangles.iter().zip(stored)) {
             let shape = self.triangle(stored, *ray_offset);
             // A very small scale may leave no area.
             if shape.area() <= 0.0 {
                 continue;
             }
-            facets.push((TriangleSide::new(number, index, true), emitters.len()));
-            emitters.push(match &glow {
+            let emitter = match &glow {
                 None => Emitter::Triangle { shape, radiance },
                 Some(glow) => {
                     let indices = indices.map(|index| index as usize);
@@ -274,7 +272,11 @@ impl Placement {
                     let ordered = |transform: Transform| transform.ordered(uvs);
                     glow.emitter(shape, self.transform.map_or(uvs, ordered))
                 }
-            });
+            };
+            for front in sides {
+                facets.push((TriangleSide::new(number, index, *front), emitters.len()));
+                emitters.push(if *front { emitter.clone() } else { emitter.flipped() });
+            }
         }
     }
 }

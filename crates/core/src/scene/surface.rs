@@ -25,7 +25,7 @@ pub struct Surface<'a> {
     pub off_surface: Vec3,
     /// Unit vector back along the ray.
     pub wo: Vec3,
-    /// True if the ray's side is the front, which may emit.
+    /// True if the ray's side is the front.
     pub front: bool,
     /// Material of the surface.
     pub material: &'a Material,
@@ -93,7 +93,7 @@ impl Surface<'_> {
     }
 
     /// Radiance emitted back along the ray, W/(m^2 sr). Only luminous openings without a thickness
-    /// emit from the back.
+    /// and materials of two-sided emission emit from the back.
     #[inline]
     pub fn emission(&self) -> Rgb {
         if let Some(opening) = &self.material.luminous_opening {
@@ -101,7 +101,7 @@ impl Surface<'_> {
             return if emits { opening.radiance(self.wo) } else { Rgb::ZERO };
         }
         match self.uv {
-            _ if !self.front => Rgb::ZERO,
+            _ if !self.front && !self.material.two_sided_emission => Rgb::ZERO,
             None => self.material.emission,
             Some(uv) => self.material.emission_at(uv),
         }

@@ -71,29 +71,24 @@ impl Cutter {
     }
 
     /// Repeatedly cuts off a corner that turns left and whose triangle contains no other corner.
+    /// Corners that cover nothing precede, because triangles with them may cover too much.
     fn clip(&self, mut triangle: impl FnMut([usize; 3])) {
-        let count = self.flat.len();
-        let mut next: Vec<usize> = (1..count).chain([0]).collect();
-        let mut previous: Vec<usize> = [count - 1].into_iter().chain(0..count - 1).collect();
-        let mut is_cut = vec![false; count];
-        // Each corner is tried once. A cut changes only its two neighbors, which are tried again.
-        let mut to_try: Vec<usize> = (0..count).rev().collect();
-        let mut left = count;
-        while let Some(corner) = to_try.pop() {
-            let ear = [previous[corner], corner, next[corner]];
-            if left > 3 && !is_cut[corner] && self.is_ear(ear, &next) {
-                triangle(ear);
-                let [before, _, after] = ear;
-                (next[before], previous[after], is_cut[corner]) = (after, before, true);
-                to_try.extend([after, before]);
-                left -= 1;
-            }
-        }
+        let mut outline = Outline::new(self.flat.len());
+        outline.cut(|ear, _| self.is_empty(ear), &mut triangle);
+        outline.cut(|ear, next| self.is_empty(ear) || self.is_ear(ear, next), &mut triangle);
         // One triangle remains, or more if the outline crosses itself.
-        let rest: Vec<usize> = (0..count).filter(|corner| !is_cut[*corner]).collect();
+        let is_left = |corner: &usize| !outline.is_cut[*corner];
+        let rest: Vec<usize> = (0..self.flat.len()).filter(is_left).collect();
         for pair in rest[1..].windows(2) {
             triangle([rest[0], pair[0], pair[1]]);
         }
+    }
+
+    /// Whether two corners of a triangle are at one place, whatever their numbers are: a repeated
+    /// corner, or the end of a spike.
+    fn is_empty(&self, ear: [usize; 3]) -> bool {
+        let [a, b, c] = ear.map(|corner| self.flat[corner]);
+        a == b || b == c || c == a
     }
 
     fn is_ear(&self, ear: [usize; 3], next: &[usize]) -> bool {
@@ -114,6 +109,47 @@ impl Cutter {
             other = next[other];
         }
         true
+    }
+}
+
+/// The corners of a polygon that are not cut off yet.
+struct Outline {
+    next: Vec<usize>,
+    previous: Vec<usize>,
+    is_cut: Vec<bool>,
+    left: usize,
+}
+
+impl Outline {
+    fn new(count: usize) -> Self {
+        Self {
+            next: (1..count).chain([0]).collect(),
+            previous: [count - 1].into_iter().chain(0..count - 1).collect(),
+            is_cut: vec![false; count],
+            left: count,
+        }
+    }
+
+    /// Cuts off corners whose triangles satisfy `can_cut`, which also gets the corner after each,
+    /// while more than three are left.
+    fn cut(
+        &mut self,
+        can_cut: impl Fn([usize; 3], &[usize]) -> bool,
+        triangle: &mut impl FnMut([usize; 3]),
+    ) {
+        // Each corner is tried once. A cut changes only its two neighbors, which are tried again.
+        let mut to_try: Vec<usize> = (0..self.next.len()).rev().collect();
+        while let Some(corner) = to_try.pop() {
+            let ear = [self.previous[corner], corner, self.next[corner]];
+            if self.left > 3 && !self.is_cut[corner] && can_cut(ear, &self.next) {
+                triangle(ear);
+                let [before, _, after] = ear;
+                (self.next[before], self.previous[after]) = (after, before);
+                self.is_cut[corner] = true;
+                to_try.extend([after, before]);
+                self.left -= 1;
+            }
+        }
     }
 }
 
@@ -191,6 +227,29 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn corners_at_one_place_do_not_change_the_area() {
+        let star = |i: u32| {
+            let angle = i as f32 * (std::f32::consts::TAU / 8.0);
+            Vec3::new(angle.cos(), angle.sin(), 0.0) * if i.is_multiple_of(2) { 0.9 } else { 0.3 }
+        };
+        let once: Vec<Vec3> = (0..8).map(star).collect();
+        let [area, _] = areas(&once);
+        for copies in [2, 3] {
+            for turned in 0..8 * copies {
+                let mut outline: Vec<Vec3> =
+                    once.iter().flat_map(|point| vec![*point; copies]).collect();
+                outline.rotate_left(turned);
+                let [whole, parts] = areas(&outline);
+                assert!((whole / area - 1.0).abs() < 1e-6 && (parts / area - 1.0).abs() < 1e-6);
+            }
+        }
+        // A spike out of a dented outline and back.
+        let spike = [[0.0, 0.0], [2.0, -1.0], [5.0, -2.0], [2.0, -1.0], [0.0, 3.0], [-2.0, -1.0]];
+        let [whole, parts] = areas(&flat(&spike));
+        assert_eq!([whole, parts], [6.0; 2]);
     }
 
     #[test]

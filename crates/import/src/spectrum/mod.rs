@@ -16,8 +16,8 @@ pub enum ColorUse {
     Share,
     /// Light: white is that of D65, and equals 1 1 1.
     Light,
-    /// A refractive index, which has no white.
-    Index,
+    /// A coefficient of a medium or a refractive index. No light colors it: a constant stays gray.
+    Unbounded,
 }
 
 /// Reads pairs of wavelength, nm, and value from a file of numbers. `#` begins a comment.
@@ -83,11 +83,12 @@ pub fn color(nm: &[f64], values: &[f64], color_use: ColorUse) -> Rgb {
         }
     };
     let rgb = match color_use {
-        ColorUse::Share => {
+        // Relative to white, so that constants are gray.
+        ColorUse::Share | ColorUse::Unbounded => {
             let white = XYZ_TO_RGB * integral(d65);
             XYZ_TO_RGB * integral(|x| at(x) * d65(x)) / white
         }
-        ColorUse::Light | ColorUse::Index => XYZ_TO_RGB * integral(at) / luminous(),
+        ColorUse::Light => XYZ_TO_RGB * integral(at) / luminous(),
     };
     rgb.as_vec3().max(Rgb::ZERO)
 }
@@ -157,6 +158,9 @@ mod tests {
         close(color(&nm, &values, ColorUse::Light), [0.4021, 0.2314, 0.1245], 0.02);
         let flat = color(&[360.0, 830.0], &[0.5, 0.5], ColorUse::Share);
         close(flat, [0.5; 3], 1e-3);
+        // `sigma_t` of a medium in `mitsuba` 3.9.1, which then lowers it to 1 like a share.
+        let flat = color(&[400.0, 700.0], &[1.5, 1.5], ColorUse::Unbounded);
+        close(flat, [1.493, 1.4996, 1.4924], 0.01);
     }
 
     #[test]

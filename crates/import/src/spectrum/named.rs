@@ -59,6 +59,14 @@ pub fn metal(name: &str) -> Option<[Rgb; 2]> {
     found.map(|(_, eta, k)| [*eta, *k].map(Rgb::from_array))
 }
 
+/// The color that Mitsuba gives to a constant refractive index of 1 in `scalar_rgb`.
+const CONSTANT: Rgb = Rgb::new(1.2048, 0.9483, 0.9089);
+
+/// [`metal`] without the tint that its indices have in Mitsuba: a constant index is gray.
+pub fn neutral_metal(name: &str) -> Option<[Rgb; 2]> {
+    metal(name).map(|both| both.map(|index| index / CONSTANT))
+}
+
 /// The names of all metals.
 pub fn metal_names() -> impl Iterator<Item = &'static str> {
     METALS.iter().map(|(name, ..)| *name)

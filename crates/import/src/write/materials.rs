@@ -100,6 +100,9 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
     if material.emission != Rgb::ZERO || material.emission_texture.is_some() {
         let _ = writeln!(text, "emission = {}", color(material.emission));
     }
+    if material.two_sided_emission {
+        text += "two_sided_emission = true\n";
+    }
     if material.hidden_from_camera {
         text += "hidden = true\n";
     }

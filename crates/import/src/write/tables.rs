@@ -6,7 +6,8 @@ use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::names::for_line;
 use bdpm_core::scene::transform::MAX_COORDINATE;
 use bdpm_core::scene::{
-    Emitter, Environment, Extent, FieldOfView, MeterKind, MeterSet, Optics, Region, Scene, Spot,
+    Emitter, Environment, Extent, Falloff, FieldOfView, MeterKind, MeterSet, Optics, Region, Scene,
+    Spot,
 };
 use bdpm_core::settings::PartialSettings;
 use glam::Vec3;
@@ -186,6 +187,11 @@ pub(super) fn lights(scene: &Scene, warnings: &mut Vec<Warning>) -> String {
             writeln!(text, "{}position = {place}", head("spot", name))?;
             writeln!(text, "direction = {direction}\ninner_deg = {inner:?}")?;
             writeln!(text, "outer_deg = {outer:?}")?;
+            match spot.falloff {
+                Falloff::Quadratic => {}
+                Falloff::Smoothstep => writeln!(text, "falloff = \"smoothstep\"")?,
+                Falloff::LinearInAngle => writeln!(text, "falloff = \"linear\"")?,
+            }
             writeln!(text, "intensity = {}", color(spot.intensity))
         }
         Emitter::Directional(sun) => {

@@ -4,17 +4,17 @@
 use super::cluster::Cluster;
 use super::luminaire::{OpeningEmitter, PointLuminaire};
 use super::solid_angle::SphericalTriangle;
+pub use super::spot::{Falloff, Spot};
 use super::{Emission, LightSample, below_one, distant_numbers, distant_origin};
 use crate::base::math::{
-    Bounds, Rgb, cosine_hemisphere, cosine_hemisphere_inverse, luminance, sin_cos_turns, turns,
-    uniform_sphere, uniform_sphere_inverse, uniform_triangle, uniform_triangle_inverse,
+    Bounds, Rgb, cosine_hemisphere, cosine_hemisphere_inverse, luminance, uniform_sphere,
+    uniform_sphere_inverse, uniform_triangle, uniform_triangle_inverse,
 };
 use crate::base::rng::Draw;
 use crate::scene::{TexturedTriangle, Triangle};
 use glam::Vec3;
 use serde::Serialize;
 use std::f32::consts::PI;
-use std::f64::consts::TAU;
 
 /// A light source; a mesh that emits has one per triangle.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -48,23 +48,6 @@ pub enum Emitter {
     Opening(Box<OpeningEmitter>),
 }
 
-/// A point that emits into a cone: its full intensity within the inner angle, none outside the
-/// outer angle. Between them it falls off with the square of a linear function of the cosine.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Spot {
-    /// Position, scene units.
-    pub position: Vec3,
-    /// Unit vector along the axis.
-    pub direction: Vec3,
-    /// Radiant intensity along the axis, W/sr.
-    pub intensity: Rgb,
-    /// Cosine of the largest angle from the axis with the full intensity. Single precision has only
-    /// some hundred numbers within a narrow cone.
-    pub cos_inner: f64,
-    /// Cosine of the smallest angle without intensity; less than `cos_inner`.
-    pub cos_outer: f64,
-}
-
 /// Parallel light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Directional {
@@ -78,88 +61,6 @@ pub struct Directional {
     /// Radius of that sphere, scene units.
     #[serde(skip)]
     pub radius: f32,
-}
-
-impl Spot {
-    /// Power over the full intensity, sr: the solid angle of the inner cone, and a third of that of
-    /// the falloff.
-    pub fn solid_angle(&self) -> f32 {
-        let [full, falloff] = self.solid_angles();
-        (full + falloff) as f32
-    }
-
-    /// Solid angle of the inner cone, and the equivalent solid angle of the falloff, sr.
-    /// theory.md (12).
-    fn solid_angles(&self) -> [f64; 2] {
-        let [inner, outer] = self.versines();
-        [TAU * inner, TAU / 3.0 * (outer - inner)]
-    }
-
-    /// 1 less the cosines of the inner and the outer angle.
-    fn versines(&self) -> [f64; 2] {
-        [1.0 - self.cos_inner, 1.0 - self.cos_outer]
-    }
-
-    /// 1 less the cosine of a direction to the axis, which unit vectors of single precision have
-    /// only by their difference.
-    fn versine(&self, direction: Vec3) -> f64 {
-        0.5 * f64::from((direction - self.direction).length_squared())
-    }
-
-    /// Share of the intensity in this direction, a unit vector, in [0, 1].
-    /// theory.md (12).
-    #[inline]
-    pub fn falloff(&self, direction: Vec3) -> f32 {
-        let [inner, outer] = self.versines();
-        let share = (outer - self.versine(direction)) / (outer - inner);
-        share.clamp(0.0, 1.0).powi(2) as f32
-    }
-
-    /// Starts a light path in proportion to the intensity, from two uniform numbers.
-    /// theory.md (13).
-    fn emit(&self, prob: f32, [choice, around]: [f32; 2]) -> Emission {
-        let ([full, falloff], [inner, outer]) = (self.solid_angles(), self.versines());
-        // The rest of the number that chose is uniform again.
-        let chosen = f64::from(choice) * (full + falloff);
-        let versine = if chosen < full {
-            chosen / full * inner
-        } else {
-            // The linear function t of the cosine has the density 3 t^2.
-            let u = ((chosen - full) / falloff).min(1.0);
-            outer - (1.0 - u).cbrt() * (outer - inner)
-        };
-        let [sine, cosine] = [(versine * (2.0 - versine)).max(0.0).sqrt(), 1.0 - versine];
-        let (sin, cos) = sin_cos_turns(around);
-        let (tangent, bitangent) = self.direction.any_orthonormal_pair();
-        let across = sine as f32 * (cos * tangent + sin * bitangent);
-        Emission {
-            origin: self.position,
-            direction: across + cosine as f32 * self.direction,
-            flux: self.intensity * (self.solid_angle() / prob),
-        }
-    }
-
-    /// Inverse of [`Self::emit`]: the numbers that give this direction.
-    fn emission_numbers(&self, direction: Vec3) -> [f32; 2] {
-        let ([full, falloff], [inner, outer]) = (self.solid_angles(), self.versines());
-        let versine = self.versine(direction);
-        let chosen = if versine <= inner {
-            full * versine / inner.max(f64::MIN_POSITIVE)
-        } else {
-            let t = (outer - versine) / (outer - inner);
-            full + falloff * (1.0 - t.max(0.0).powi(3))
-        };
-        let (tangent, bitangent) = self.direction.any_orthonormal_pair();
-        let around = turns(tangent.dot(direction), bitangent.dot(direction));
-        [(chosen / (full + falloff)) as f32, around]
-    }
-
-    fn connect(&self, position: Vec3, prob: f32) -> Option<LightSample> {
-        let (wi, distance2) = toward(self.position, position);
-        let share = self.falloff(-wi);
-        let irradiance = self.intensity * (share / (distance2 * prob));
-        (share > 0.0).then(|| LightSample::of_delta(self.position, wi, irradiance))
-    }
 }
 
 impl Directional {
@@ -280,6 +181,17 @@ impl Emitter {
         }
     }
 
+    /// The emitter of the back of a triangle's front, which this is; others are equal.
+    pub(in crate::scene) fn flipped(&self) -> Self {
+        match self {
+            Self::Triangle { shape, radiance } => {
+                Self::Triangle { shape: shape.flipped(), radiance: *radiance }
+            }
+            Self::Textured(panel) => Self::Textured(Box::new(panel.flipped())),
+            other => other.clone(),
+        }
+    }
+
     /// A box around the points from which light starts; `None` for parallel light.
     pub(crate) fn bounds(&self) -> Option<Bounds> {
         Cluster::of(self).map(|cluster| cluster.bounds)
@@ -389,7 +301,7 @@ impl Emitter {
         match self {
             Self::Point { intensity, .. } => luminance(*intensity) / distance2(),
             Self::Spot(spot) => {
-                let share = spot.falloff(direction);
+                let share = spot.share(direction);
                 luminance(spot.intensity) * share / distance2()
             }
             Self::Directional(light) => luminance(light.irradiance),

@@ -15,6 +15,7 @@ pub mod luminaire;
 pub(crate) mod packets;
 mod regions;
 mod solid_angle;
+mod spot;
 mod tree_build;
 pub(crate) mod textured_emitter;
 mod tree;

@@ -3,6 +3,7 @@
 use super::*;
 use crate::base::rng::{Stream, StreamKey};
 use crate::scene::Triangle;
+use crate::scene::bsdf::Bsdf;
 use std::f32::consts::PI;
 
 fn point(x: f32, intensity: Rgb) -> Emitter {
@@ -66,6 +67,7 @@ fn all_kinds() -> Lights {
         intensity: Rgb::new(9.0, 20.0, 30.0),
         cos_inner: 0.8,
         cos_outer: 0.3,
+        falloff: emitter::Falloff::Quadratic,
     };
     let sun = emitter::Directional {
         radius: 8.0,
@@ -76,8 +78,13 @@ fn all_kinds() -> Lights {
     let corners = [Vec3::new(2.0, 2.0, 4.0), Vec3::new(2.0, 4.0, 4.0), Vec3::new(4.0, 2.0, 4.0)];
     let shape = Triangle::new(corners, 0);
     let uvs = [glam::Vec2::ZERO, glam::Vec2::X, glam::Vec2::Y];
-    let picture =
-        textured_emitter::TextureEmission::new(&texture, Rgb::splat(3.0), 1).emitter(shape, uvs);
+    let black = crate::scene::Material::new("", Bsdf::diffuse(Rgb::ZERO));
+    let picture = crate::scene::Material {
+        emission: Rgb::splat(3.0),
+        emission_texture: Some(texture),
+        ..black
+    };
+    let picture = textured_emitter::TextureEmission::of(&picture, 1).unwrap().emitter(shape, uvs);
     let points = [point(1.0, Rgb::ONE), point(-3.0, Rgb::new(2.0, 0.1, 0.0))];
     let mut emitters = vec![panel(), Emitter::Spot(spot), Emitter::Directional(sun), picture];
     emitters.extend(points);

@@ -249,7 +249,7 @@ mod tests {
     use super::*;
     use crate::base::math::{luminance, uniform_sphere};
     use crate::base::rng::{Rng, Stream, StreamKey};
-    use crate::scene::{Spot, Triangle};
+    use crate::scene::{Falloff, Spot, Triangle};
     use glam::Vec3;
     use std::f32::consts::PI;
 
@@ -275,8 +275,15 @@ mod tests {
                 0 => Emitter::Point { position, intensity: 0.1 * radiance },
                 1 => {
                     let cos_outer = f64::from(0.98 * rng.next_1d());
-                    let (cos_inner, intensity) = (0.99, radiance);
-                    Emitter::Spot(Spot { position, direction, intensity, cos_inner, cos_outer })
+                    let (cos_inner, intensity, falloff) = (0.99, radiance, Falloff::default());
+                    Emitter::Spot(Spot {
+                        position,
+                        direction,
+                        intensity,
+                        cos_inner,
+                        cos_outer,
+                        falloff,
+                    })
                 }
                 _ => {
                     let size = rng.next_1d().powi(4);
@@ -458,8 +465,8 @@ mod tests {
         let spot = |i: usize| {
             let direction = Vec3::from([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]][i]);
             let (position, intensity) = (Vec3::new(0.0, 0.0, 3.0), Vec3::splat(1e4));
-            let (cos_inner, cos_outer) = (0.99, 0.98);
-            Emitter::Spot(Spot { position, direction, intensity, cos_inner, cos_outer })
+            let (cos_inner, cos_outer, falloff) = (0.99, 0.98, Falloff::default());
+            Emitter::Spot(Spot { position, direction, intensity, cos_inner, cos_outer, falloff })
         };
         let far = Emitter::Point { position: Vec3::new(60.0, 0.0, 3.0), intensity: Vec3::ONE };
         let tree = tree(&[spot(0), spot(1), spot(2), far]);

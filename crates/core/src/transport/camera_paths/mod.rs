@@ -410,7 +410,7 @@ impl CameraPaths {
         for lane in 0..LANES {
             let diffuse = states.history[lane].diffuse();
             let counts = self.counts_hit(pass, states.history[lane]);
-            if at.active[lane] && at.front[lane] && counts {
+            if at.active[lane] && counts {
                 let mut emission = at.emission.get(lane);
                 if self.hit_weights.is_some() && emission != Rgb::ZERO {
                     let facet = TriangleSide { mesh: at.mesh[lane], side: at.side[lane] };

@@ -1,6 +1,7 @@
 //! Bytes: buffers, and the content of URIs (a file or the URI itself).
 
 use super::json::{GltfDocument, get};
+use super::meshopt::{self, is_placeholder};
 use super::{EXPORT_AGAIN, malformed};
 use crate::file_names::{find_inside, is_guess, leaves};
 use crate::text::read_bytes;
@@ -26,6 +27,8 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
 pub(super) struct Buffers<'a> {
     pub document: &'a GltfDocument,
     data: Vec<Arc<Vec<u8>>>,
+    /// Content of compressed views by their index.
+    decoded: HashMap<usize, Vec<u8>>,
 }
 
 /// The bytes of a buffer view.
@@ -51,6 +54,10 @@ impl<'a> Buffers<'a> {
         let mut data = Vec::with_capacity(document.buffers.len());
         for (index, buffer) in document.buffers.iter().enumerate() {
             let element = format!("buffers[{index}]");
+            if is_placeholder(document, index) {
+                data.push(Arc::default());
+                continue;
+            }
             let bytes = match (buffer.uri.as_deref(), &bin) {
                 (Some(uri), _) => match files.get(uri) {
                     Some(bytes) => bytes.clone(),
@@ -69,16 +76,20 @@ impl<'a> Buffers<'a> {
             }
             data.push(bytes);
         }
-        Ok(Self { document, data })
+        let decoded = meshopt::decoded(document, &data)?;
+        Ok(Self { document, data, decoded })
     }
 
     /// The view that `element` refers to.
     pub fn view(&self, index: usize, element: impl Display) -> Result<ViewBytes<'_>> {
         let view = get(&self.document.buffer_views, "bufferViews", index, element)?;
         let own = format!("bufferViews[{index}]");
+        if let Some(bytes) = self.decoded.get(&index) {
+            return Ok(ViewBytes { bytes, stride: view.byte_stride });
+        }
         let bytes = get(&self.data, "buffers", view.buffer, format!("{own}.buffer"))?;
-        let end = view.byte_offset.checked_add(view.byte_length);
-        let end = end.filter(|end| *end <= bytes.len() as u64).ok_or_else(|| {
+        let held = bytes_of(bytes, view.byte_offset, view.byte_length);
+        let bytes = held.ok_or_else(|| {
             let (offset, length) = (view.byte_offset, view.byte_length);
             let (buffer, size) = (view.buffer, bytes.len());
             let problem = format!(
@@ -86,10 +97,14 @@ impl<'a> Buffers<'a> {
             );
             malformed(own, problem)
         })?;
-        // Both are at most the length of a slice.
-        let bytes = &bytes[view.byte_offset as usize..end as usize];
         Ok(ViewBytes { bytes, stride: view.byte_stride })
     }
+}
+
+/// `length` bytes from `offset` on; `None` if there are fewer.
+pub(super) fn bytes_of(bytes: &[u8], offset: u64, length: u64) -> Option<&[u8]> {
+    let end = usize::try_from(offset.checked_add(length)?).ok()?;
+    bytes.get(usize::try_from(offset).ok()?..end)
 }
 
 /// The content of a URI, cut off at `limit` bytes.

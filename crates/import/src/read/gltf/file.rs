@@ -27,13 +27,15 @@ const METAL_ROUGH: &str = "convert its materials: `npx @gltf-transform/cli metal
                            with metallic-roughness materials";
 
 /// The extensions that `extensionsRequired` may name.
-const SUPPORTED: [&str; 14] = [
+const SUPPORTED: [&str; 18] = [
     "EXT_lights_ies",
     "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_lights_punctual",
     "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
+    "KHR_materials_diffuse_transmission",
     "KHR_materials_dispersion",
     "KHR_materials_ior",
     "KHR_materials_specular",
@@ -41,6 +43,8 @@ const SUPPORTED: [&str; 14] = [
     "KHR_materials_unlit",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    "KHR_node_visibility",
     "KHR_texture_transform",
 ];
 
@@ -162,7 +166,7 @@ fn check_extensions(document: &GltfDocument) -> Result<()> {
     let names = list(unknown);
     let problem = format!("extensionsRequired: the file needs {names}, which {are} not supported");
     let advice = match &names {
-        names if names.contains("draco") || names.contains("meshopt") => DECOMPRESS,
+        names if names.contains("draco") => DECOMPRESS,
         names if names.contains("pbrSpecularGlossiness") => METAL_ROUGH,
         _ => "export the model without these extensions",
     };
@@ -186,16 +190,7 @@ fn check_compression(document: &GltfDocument) -> Result<()> {
             }
         }
     }
-    // A file may hold an uncompressed copy in another buffer, for readers without the extension.
-    // The first buffer may be that of a GLB file.
-    let compressed = document.buffer_views.iter().position(|view| {
-        let buffer = document.buffers.get(view.buffer).filter(|_| view.buffer > 0);
-        view.extensions.meshopt.is_some() && buffer.is_some_and(|buffer| buffer.uri.is_none())
-    });
-    compressed.map_or(Ok(()), |view| {
-        let problem = "it is compressed by EXT_meshopt_compression, which is not supported";
-        Err(Error::new(format!("bufferViews[{view}]: {problem}"), DECOMPRESS))
-    })
+    Ok(())
 }
 
 /// The names of extensions that are not read.

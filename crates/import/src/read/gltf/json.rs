@@ -103,6 +103,13 @@ json_objects! {
         luminaire: Option<NodeLuminaire>,
         #[serde(rename = "EXT_mesh_gpu_instancing")]
         instancing: Option<GpuInstancing>,
+        #[serde(rename = "KHR_node_visibility")]
+        visibility: NodeVisibility,
+    }
+
+    /// Whether the meshes and lights of a node and of those below it are part of the image.
+    struct NodeVisibility {
+        visible: bool = true,
     }
 
     /// Many placements of one mesh: accessors by `TRANSLATION`, `ROTATION` and `SCALE`.
@@ -201,7 +208,21 @@ json_objects! {
 
     struct ViewExtensions {
         #[serde(rename = "EXT_meshopt_compression")]
-        meshopt: Option<Unread>,
+        ext_meshopt: Option<MeshoptView>,
+        #[serde(rename = "KHR_meshopt_compression")]
+        khr_meshopt: Option<MeshoptView>,
+    }
+
+    struct BufferExtensions {
+        #[serde(rename = "EXT_meshopt_compression")]
+        ext_meshopt: MeshoptBuffer,
+        #[serde(rename = "KHR_meshopt_compression")]
+        khr_meshopt: MeshoptBuffer,
+    }
+
+    /// Whether a buffer is for readers without the extension only.
+    struct MeshoptBuffer {
+        fallback: bool,
     }
 }
 
@@ -265,6 +286,41 @@ json_records! {
     struct Buffer {
         uri: Option<String>,
         byte_length: u64,
+        #[serde(default)]
+        extensions: BufferExtensions,
+    }
+
+    /// A view in compressed form.
+    struct MeshoptView {
+        buffer: usize,
+        #[serde(default)]
+        byte_offset: u64,
+        byte_length: u64,
+        byte_stride: u64,
+        count: u64,
+        mode: String,
+        filter: Option<String>,
+    }
+}
+
+impl ViewExtensions {
+    /// The compressed form, if the view has one.
+    pub fn meshopt(&self) -> Option<&MeshoptView> {
+        self.khr_meshopt.as_ref().or(self.ext_meshopt.as_ref())
+    }
+
+    /// Name of the extension of [`Self::meshopt`].
+    pub fn meshopt_name(&self) -> &'static str {
+        match self.khr_meshopt {
+            Some(_) => "KHR_meshopt_compression",
+            None => "EXT_meshopt_compression",
+        }
+    }
+}
+
+impl BufferExtensions {
+    pub fn all(&self) -> impl Iterator<Item = &MeshoptBuffer> {
+        [&self.ext_meshopt, &self.khr_meshopt].into_iter()
     }
 }
 

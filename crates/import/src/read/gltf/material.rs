@@ -129,12 +129,9 @@ impl MaterialReader<'_, '_> {
             }
         };
         let emits = emission.max_element() > 0.0;
-        let has_opacity = opacity_texture.is_some() || opacity.is_some();
         self.skipped_if([
             (model == Model::Unlit, "shaded the unlit material"),
             (has_other_uvs, ONE_MAP),
-            (emits && self.json.double_sided, "let only front sides emit light of the material"),
-            (emits && has_opacity, "ignored the opacity of the emissive material"),
         ]);
         let is_glossy = matches!(look.material.bsdf, Bsdf::Glossy(_));
         look.material = Material {
@@ -147,6 +144,7 @@ impl MaterialReader<'_, '_> {
             opacity,
             normal_map,
             emission_texture: emission_picture.filter(|_| emits),
+            two_sided_emission: emits && self.json.double_sided,
             ..look.material
         };
         Ok(Some(look))

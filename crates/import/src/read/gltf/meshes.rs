@@ -55,7 +55,7 @@ pub(super) fn triangle_counts(
     let mut counts: HashMap<usize, u64> = HashMap::new();
     // Each use of a sparse accessor reads all its items.
     let (mut placed, mut replaced): (u64, u64) = (0, 0);
-    for node in nodes {
+    for node in nodes.iter().filter(|node| !node.is_hidden) {
         let Some(index) = node.json.mesh else { continue };
         if let Entry::Vacant(entry) = counts.entry(index) {
             let element = format!("nodes[{}].mesh", node.index);

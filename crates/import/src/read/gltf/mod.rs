@@ -14,6 +14,7 @@ mod light;
 mod luminaire;
 mod material;
 mod meshes;
+mod meshopt;
 mod nodes;
 mod pose;
 mod texture;
@@ -68,7 +69,8 @@ pub(super) fn read(path: &Path, options: &ImportOptions) -> Result<ReadScene> {
         None => (None, None),
     };
     let mut lights = Vec::new();
-    for node in &nodes {
+    let visible = || nodes.iter().filter(|node| !node.is_hidden);
+    for node in visible() {
         lights.extend(light::light(&document, node)?);
     }
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -76,7 +78,7 @@ pub(super) fn read(path: &Path, options: &ImportOptions) -> Result<ReadScene> {
     builder.count(counts.placed, counts.stored)?;
     let buffers = Buffers::load(&document, bin, folder)?;
     let mut profiles = IesProfiles::new(&buffers, path);
-    for node in &nodes {
+    for node in visible() {
         lights.extend(profiles.luminaire(node)?);
     }
     builder.warnings.extend(profiles.warnings());
@@ -114,7 +116,7 @@ fn place_meshes(
         meshes.textures.warnings.guessed(name);
     }
     let all_maps = nodes.iter().map(|node| (node.index, node.map)).collect();
-    for node in nodes {
+    for node in nodes.iter().filter(|node| !node.is_hidden) {
         let Some(index) = node.json.mesh else { continue };
         let at_node = |error: Error| {
             let problem = format!("nodes[{}]: {}", node.index, error.problem());

@@ -12,6 +12,8 @@ pub(super) struct SceneNode<'a> {
     pub json: &'a Node,
     /// From the node's coordinates to those of the scene.
     pub map: DAffine3,
+    /// Whether its mesh and lights are not part of the image (`KHR_node_visibility`).
+    pub is_hidden: bool,
 }
 
 /// The nodes of the default scene, each before its children, and whether the scene lists any node
@@ -45,16 +47,18 @@ pub(super) fn scene_nodes(document: &GltfDocument) -> Result<(Vec<SceneNode<'_>>
 
     let mut shown = Vec::new();
     // An explicit stack, because chains of nodes may overflow the program's.
-    let mut open: Vec<_> = tops.iter().rev().map(|root| (*root, DAffine3::IDENTITY)).collect();
-    while let Some((index, above)) = open.pop() {
+    let top = |root: &usize| (*root, DAffine3::IDENTITY, false);
+    let mut open: Vec<_> = tops.iter().rev().map(top).collect();
+    while let Some((index, above, is_below_hidden)) = open.pop() {
         let json = &nodes[index];
+        let is_hidden = is_below_hidden || !json.extensions.visibility.visible;
         let map = above * local(json, index)?;
         if !map.is_finite() {
             let problem = "its transform is not finite, combined with those of the nodes above it";
             return Err(malformed(format!("nodes[{index}]"), problem));
         }
-        shown.push(SceneNode { index, json, map });
-        open.extend(json.children.iter().rev().map(|child| (*child, map)));
+        shown.push(SceneNode { index, json, map, is_hidden });
+        open.extend(json.children.iter().rev().map(|child| (*child, map, is_hidden)));
     }
     Ok((shown, has_repeats))
 }

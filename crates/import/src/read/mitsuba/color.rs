@@ -74,7 +74,7 @@ pub(super) fn read(object: &Object, color_use: ColorUse) -> Result<ReadColor> {
         match color_use {
             _ if rgb.min_element() >= 0.0 => return Ok(color),
             // Only their squares matter. Fits of spectra have negative channels.
-            ColorUse::Index => return Ok(ReadColor { rgb: rgb.abs(), ..color }),
+            ColorUse::Unbounded => return Ok(ReadColor { rgb: rgb.abs(), ..color }),
             ColorUse::Light => {
                 return Ok(ReadColor { rgb: rgb.max(Rgb::ZERO), is_clamped: true, ..color });
             }

@@ -58,9 +58,9 @@ fn read(object: &Object, paints: &mut Paints) -> Result<Option<Medium>> {
     }
     let mut coefficient =
         |name: &str, color_use: ColorUse| coefficient(object, name, color_use, paints);
-    let extinction = coefficient("sigma_t", ColorUse::Index)?;
-    let scattering = coefficient("sigma_s", ColorUse::Index)?;
-    let absorption = coefficient("sigma_a", ColorUse::Index)?;
+    let extinction = coefficient("sigma_t", ColorUse::Unbounded)?;
+    let scattering = coefficient("sigma_s", ColorUse::Unbounded)?;
+    let absorption = coefficient("sigma_a", ColorUse::Unbounded)?;
     let albedo = coefficient("albedo", ColorUse::Share)?;
     let coefficients = match (absorption, scattering) {
         (Found::Not, Found::Not) => match (extinction, albedo) {

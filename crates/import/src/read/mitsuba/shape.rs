@@ -96,6 +96,10 @@ impl SceneReader {
         {
             self.paints.skipped(ONE_MAP, object);
         }
+        if emission.paint.is_some() && look.material.alpha_mask().is_some() {
+            let phrase = "multiplied the emission, which is whole in Mitsuba, by the opacity of";
+            self.paints.skipped(phrase, object);
+        }
         let is_flat = object.boolean("face_normals")?.unwrap_or(false);
         let to_uv = look.to_uv();
         let key = MeshKey { source, is_flat, to_uv: to_uv.to_cols_array().map(f32::to_bits) };

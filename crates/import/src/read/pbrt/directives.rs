@@ -314,9 +314,9 @@ impl SceneReader {
     }
 
     fn add_light(&mut self, params: Params) -> Result<()> {
-        if self.object.is_some() {
-            self.textures.warnings.skipped("left out lights within", "objects");
-            return Ok(());
+        if let Some(object) = &self.object {
+            let phrase = "placed once, where they are defined as in pbrt, the lights of objects:";
+            self.textures.warnings.chosen(phrase, object);
         }
         let map = self.state.invertible(&params)?;
         self.lights.push((params, map, self.state.color_space));

@@ -29,7 +29,7 @@ pub(super) fn environment(
     let mut scale = params.float_in("scale", 1.0, [0.0, 1e30])? * f64::from(film_scale);
     let illuminance = params.float_or("illuminance", -1.0)?;
     if params.get("portal").is_some() {
-        textures.warnings.chosen("ignored the portal of", "the infinite light");
+        textures.warnings.skipped("ignored the portal of", "the infinite light");
     }
     let Some(name) = params.text("filename")? else {
         let radiance = color(params, "L", space, textures)?;

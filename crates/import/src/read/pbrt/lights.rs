@@ -8,8 +8,8 @@ use crate::look::Paint;
 use crate::spectrum::ColorUse;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::{Rgb, luminance};
-use bdpm_core::scene::{Directional, Emitter, Mesh};
-use glam::{DAffine3, DVec3, Vec3};
+use bdpm_core::scene::{Directional, Emitter, Falloff, Mesh, Spot};
+use glam::{DAffine3, DVec3};
 use std::f64::consts::{PI, TAU};
 
 /// The emission of the shapes that follow an `AreaLightSource`.
@@ -62,9 +62,8 @@ pub(super) fn emitter(
             let (outer, start) = (cone.to_radians().cos(), (cone - delta).to_radians().cos());
             let scale = (scale * powered(TAU * (1.0 - start + 0.5 * (start - outer)))?) as f32;
             let intensity = scale * color(params, "I", space, textures)?;
-            let phrase = "used a quadratic falloff of the same power for the smooth step of";
-            textures.warnings.chosen(phrase, "spot lights");
-            Emitter::Spot(spot(position()?, direction()?, intensity, falloff(start, outer)))
+            let cone = spot(position()?, direction()?, intensity, [start, outer]);
+            Emitter::Spot(Spot { falloff: Falloff::Smoothstep, ..cone })
         }
         "distant" => {
             let illuminance = params.float_or("illuminance", -1.0)?;
@@ -81,13 +80,6 @@ pub(super) fn emitter(
             return Err(params.location.error(problem, "use point, spot, distant or infinite"));
         }
     }))
-}
-
-/// Cosines of the inner and outer angle of a spot with our quadratic falloff, which emits the power
-/// of a smooth step between the cosines `outer` and `start`: half of the full intensity there,
-/// where ours emits a third.
-fn falloff(start: f64, outer: f64) -> [f64; 2] {
-    [0.75 * start + 0.25 * outer, outer]
 }
 
 impl AreaLight {
@@ -135,54 +127,4 @@ fn area(mesh: &Mesh, map: DAffine3) -> f64 {
         (b - a).cross(c - a).length()
     };
     0.5 * mesh.triangles.iter().map(double).sum::<f64>()
-}
-
-/// The mesh turned over and moved behind itself by a small share of its size: the back of a lamp
-/// that emits on both sides.
-pub(super) fn back_of(mesh: &Mesh) -> Mesh {
-    let bounds = mesh
-        .positions
-        .iter()
-        .fold([Vec3::MAX, Vec3::MIN], |[min, max], point| [min.min(*point), max.max(*point)]);
-    let step = 1e-4 * (bounds[1] - bounds[0]).length();
-    let mut normals = vec![Vec3::ZERO; mesh.positions.len()];
-    for corners in &mesh.triangles {
-        let [a, b, c] = corners.map(|i| mesh.positions[i as usize]);
-        let normal = (b - a).cross(c - a);
-        corners.iter().for_each(|i| normals[*i as usize] += normal);
-    }
-    let moved = mesh.positions.iter().zip(&normals);
-    Mesh {
-        positions: moved
-            .map(|(point, normal)| *point - step * normal.normalize_or_zero())
-            .collect(),
-        normals: mesh.normals.iter().map(|normal| -*normal).collect(),
-        triangles: mesh.triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect(),
-        ..mesh.clone()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn falloffs_emit_the_power_of_the_smooth_step() {
-        for (cone, delta) in [(30.0_f64, 5.0), (80.0, 80.0), (100.0, 10.0)] {
-            let (outer, start) = (cone.to_radians().cos(), (cone - delta).to_radians().cos());
-            let spot = spot(Vec3::ZERO, Vec3::Z, Rgb::ONE, falloff(start, outer));
-            // The integral of the smooth step over the cosine, by midpoints.
-            let n = 100_000;
-            let step = (1.0 - outer) / f64::from(n);
-            let sum: f64 = (0..n)
-                .map(|i| {
-                    let x = (f64::from(i) + 0.5) * step / (start - outer);
-                    let x = x.min(1.0);
-                    x * x * (3.0 - 2.0 * x)
-                })
-                .sum();
-            let off = f64::from(spot.solid_angle()) / (TAU * sum * step) - 1.0;
-            assert!(off.abs() < 1e-3, "{cone} {delta}: {off}");
-        }
-    }
 }

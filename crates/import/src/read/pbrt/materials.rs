@@ -310,7 +310,7 @@ impl MaterialReader<'_> {
                 Ok(default)
             }
             Some(param) => {
-                spectra::color(param, ColorUse::Index, *color_space, &self.textures.folder)
+                spectra::color(param, ColorUse::Unbounded, *color_space, &self.textures.folder)
             }
             None => Ok(default),
         }

@@ -19,7 +19,7 @@ mod tokens;
 
 use super::ImportOptions;
 use crate::builder::{Builder, Contents, EnvironmentReader, ReadScene, out_of_range};
-use crate::look::{ONE_MAP, map_uvs};
+use crate::look::{Look, ONE_MAP, Paint, map_uvs};
 use crate::sensor::MIRROR;
 use crate::shape::curves;
 use crate::shape::instancing::MaterialMesh;
@@ -30,7 +30,7 @@ use bdpm_core::scene::{Emitter, Environment, Mesh};
 use bdpm_core::settings::PartialSettings;
 use camera::{CameraSource, FilmSource};
 use glam::{DAffine3, DMat3, DVec3};
-use lights::{AreaLight, back_of};
+use lights::AreaLight;
 use materials::Materials;
 use named_media::NamedMedia;
 use params::Params;
@@ -198,10 +198,9 @@ impl SceneReader {
     fn place_shapes(&mut self, world: DAffine3) -> Result<()> {
         let mut hair: Option<(Part, PlacedShape)> = None;
         for shape in std::mem::take(&mut self.shapes) {
-            let mut parts = self.parts(&shape, true)?;
+            let Some(own) = self.part(&shape, None)? else { continue };
             // Files have a shape for each hair: those of one material become one mesh.
-            if shape.params.kind == "curve" && parts.len() == 1 {
-                let own = parts.remove(0);
+            if shape.params.kind == "curve" {
                 match &mut hair {
                     Some((all, first))
                         if all.material == own.material
@@ -214,10 +213,8 @@ impl SceneReader {
                 }
                 continue;
             }
-            for part in parts {
-                let name = part.mesh.name.clone();
-                self.place(&name, &[part.shared()], world * shape.map, &shape.params)?;
-            }
+            let name = own.mesh.name.clone();
+            self.place(&name, &[own.shared()], world * shape.map, &shape.params)?;
         }
         self.place_curves(hair, world)
     }
@@ -243,14 +240,13 @@ impl SceneReader {
                 for shape in &shapes {
                     let placed = |error: Error| shape.params.placed(&error);
                     let transform = Transform::new(shape.map).map_err(placed)?;
-                    for Part { mesh, material, origin } in self.parts(shape, false)? {
-                        let transform = transform.relative_from(origin);
-                        if mesh.positions.iter().any(|point| transform.point(*point).is_none()) {
-                            return Err(placed(out_of_range()));
-                        }
-                        let mesh = Arc::new(mesh.moved(&transform));
-                        all.push(MaterialMesh::new(mesh, material));
+                    let Some(part) = self.part(shape, Some(&name))? else { continue };
+                    let transform = transform.relative_from(part.origin);
+                    if part.mesh.positions.iter().any(|at| transform.point(*at).is_none()) {
+                        return Err(placed(out_of_range()));
                     }
+                    let mesh = Arc::new(part.mesh.moved(&transform));
+                    all.push(MaterialMesh::new(mesh, part.material));
                 }
                 objects.insert(name.clone(), all);
             }
@@ -270,20 +266,19 @@ impl SceneReader {
         placed.map_err(|error| params.placed(&error))
     }
 
-    /// The meshes of a shape in its own space, with their materials: none if it is invisible, two
-    /// if it emits on both sides.
-    fn parts(&mut self, shape: &PlacedShape, may_emit: bool) -> Result<Vec<Part>> {
+    /// The mesh of a shape in its own space, with its material; `None` if it is invisible. As in
+    /// pbrt, shapes of objects do not emit.
+    fn part(&mut self, shape: &PlacedShape, object: Option<&str>) -> Result<Option<Part>> {
         let PlacedShape { params, map, state } = shape;
         let boundary = self.media.boundary(&state.media, params)?;
         self.has_media |= state.media.iter().any(|name| !name.is_empty());
-        let lamp = state.area_light.clone().filter(|_| may_emit);
-        if state.area_light.is_some() && !may_emit {
-            self.textures.warnings.skipped("left out the emission of shapes of", "objects");
+        let lamp = state.area_light.clone().filter(|_| object.is_none());
+        if let (Some(object), true) = (object, state.area_light.is_some()) {
+            let phrase = "left out, as pbrt does, the emission of shapes of objects:";
+            self.textures.warnings.skipped(phrase, object);
         }
         let made = shapes::mesh(params, lamp.is_some(), &mut self.textures)?;
-        let Some((mut mesh, origin)) = made else {
-            return Ok(Vec::new());
-        };
+        let Some((mut mesh, origin)) = made else { return Ok(None) };
         let stored = self.builder.count(0, mesh.triangles.len() as u64);
         stored.map_err(|error| params.placed(&error))?;
         let (mut look, number) =
@@ -294,29 +289,21 @@ impl SceneReader {
         let paint = |lamp: &Rc<AreaLight>| lamp.paint(&mesh, *map, &mut self.textures);
         let emission =
             lamp.as_ref().map(paint).transpose()?.filter(|paint| paint.color != Rgb::ZERO);
-        let emits = emission.is_some();
         look.bound(boundary);
-        if look.is_interface && !emits {
-            return Ok(Vec::new());
+        if look.is_interface && emission.is_none() {
+            return Ok(None);
         }
         let alpha = alpha.filter(|alpha| alpha.texture.is_some() || alpha.color.x < 1.0);
-        let is_plain = !emits && alpha.is_none() && look.material.boundary.is_none();
-        let shares_map = emission.is_none_or(|mut paint| {
-            paint.color *= self.film.scale;
-            look.emit(paint)
-        });
-        let is_masked = alpha.is_some();
-        let shares_map = alpha.is_none_or(|alpha| look.mask(&alpha)) && shares_map;
-        self.textures.warnings.skipped_if([(!shares_map, ONE_MAP)], &params.kind);
-        if is_masked && emits {
-            self.textures.warnings.skipped("left out the transparency of", "shapes that emit");
+        let is_plain = emission.is_none() && alpha.is_none() && look.material.boundary.is_none();
+        if let (Some(paint), Some(lamp)) = (emission, &lamp) {
+            self.emit(&mut look, paint, lamp, params)?;
         }
+        self.mask(&mut look, alpha, params);
         map_uvs(&mut mesh, look.to_uv());
         if state.reverse_orientation {
             mesh.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
             mesh.normals.iter_mut().for_each(|normal| *normal = -*normal);
         }
-        let emits = look.material.emission != Rgb::ZERO;
         let material = match self.material_index.get(&number).filter(|_| is_plain) {
             Some(known) => *known,
             None => self.builder.add_material(look.material),
@@ -324,12 +311,37 @@ impl SceneReader {
         if is_plain {
             self.material_index.insert(number, material);
         }
-        let back = match &lamp {
-            Some(lamp) if lamp.is_two_sided()? && emits => Some(back_of(&mesh)),
-            _ => None,
-        };
-        let part = |mesh| Part { mesh, material, origin };
-        Ok([Some(mesh), back].into_iter().flatten().map(part).collect())
+        Ok(Some(Part { mesh, material, origin }))
+    }
+
+    /// Lets a shape emit by its area light.
+    fn emit(
+        &mut self,
+        look: &mut Look,
+        mut paint: Paint,
+        lamp: &AreaLight,
+        params: &Params,
+    ) -> Result<()> {
+        paint.color *= self.film.scale;
+        let shares_map = look.emit(paint);
+        self.textures.warnings.skipped_if([(!shares_map, ONE_MAP)], &params.kind);
+        look.material.two_sided_emission = lamp.is_two_sided()?;
+        Ok(())
+    }
+
+    /// Lets a share of the rays pass a shape. A constant alpha of 0 makes lamps invisible in pbrt,
+    /// which still shine.
+    fn mask(&mut self, look: &mut Look, alpha: Option<Paint>, params: &Params) {
+        let Some(alpha) = alpha else { return };
+        let emits = look.material.emission != Rgb::ZERO;
+        if emits && alpha.texture.is_none() && alpha.color.x <= 0.0 {
+            let phrase = "hid from the camera only the lamps that are invisible, of type";
+            self.textures.warnings.skipped(phrase, &params.kind);
+            look.material.hidden_from_camera = true;
+            return;
+        }
+        let shares_map = look.mask(&alpha);
+        self.textures.warnings.skipped_if([(!shares_map, ONE_MAP)], &params.kind);
     }
 
     fn warn_of_unused(&mut self, params: &Params) {

@@ -40,7 +40,8 @@ impl NamedMedia {
         let scale = params.float_in("scale", 1.0, [0.0, 1e9])? as f32;
         let coefficient = |name: &str, default: Rgb| -> Result<Rgb> {
             let own = params.get(name);
-            let own = own.map(|own| spectra::color(own, ColorUse::Index, space, &textures.folder));
+            let own =
+                own.map(|own| spectra::color(own, ColorUse::Unbounded, space, &textures.folder));
             Ok(scale * own.transpose()?.unwrap_or(default).max(Rgb::ZERO))
         };
         let medium = Medium {

@@ -90,15 +90,16 @@ impl Params {
         self.error(error.problem(), error.advice())
     }
 
-    /// The parameter of this name.
+    /// The parameter of this name. The last of several counts, and those of the directive precede
+    /// those of `Attribute`.
     pub fn get(&self, name: &str) -> Option<&Param> {
-        // All of this name are considered. The own parameters of a directive precede.
+        // All of this name are considered.
         let own = self.all.iter().filter(|param| param.name == name);
         own.for_each(|param| param.used.set(true));
         let added = self.added.iter().enumerate().filter(|(_, param)| param.name == name);
         self.used.borrow_mut().extend(added.clone().map(|(index, _)| index));
-        let own = self.all.iter().find(|param| param.name == name);
-        own.or_else(|| added.map(|(_, param)| &**param).next())
+        let own = self.all.iter().rfind(|param| param.name == name);
+        own.or_else(|| added.map(|(_, param)| &**param).next_back())
     }
 
     /// Names of the parameters that nothing asked for.

@@ -2,7 +2,7 @@
 
 use super::params::{Param, Params};
 use crate::file_names::find_exact;
-use crate::spectrum::named::metal;
+use crate::spectrum::named::neutral_metal;
 use crate::spectrum::{self, ColorUse, chromaticity, of_unit_luminance, unzip};
 use crate::text;
 use bdpm_core::base::error::Result;
@@ -115,7 +115,7 @@ pub(super) fn index(params: &Params, name: &str, default: f64, folder: &Path) ->
     let value = match param.values.texts.first().and_then(|text| glass(text)) {
         Some(glass) => glass.at_d() as f32,
         None => {
-            let color = color(param, ColorUse::Index, ColorSpace::Srgb, folder)?;
+            let color = color(param, ColorUse::Unbounded, ColorSpace::Srgb, folder)?;
             if param.kind == "float" { color.x } else { color.y }
         }
     };
@@ -138,7 +138,7 @@ pub(super) fn medium(
     let (nm, values) = match (&param.kind[..], &param.values.texts[..]) {
         ("spectrum", [text]) => match glass(text) {
             Some(glass) => return Ok(glass),
-            None if named(text, ColorUse::Index).is_some() => return constant(),
+            None if named(text, ColorUse::Unbounded).is_some() => return constant(),
             None => file(param, text, folder)?,
         },
         ("spectrum", []) => unzip(&param.values.numbers),
@@ -195,11 +195,11 @@ fn named(name: &str, color_use: ColorUse) -> Option<Rgb> {
         };
         // Brass: values at about 650, 550 and 450 nm (Querry 1985).
         let brass = [Rgb::new(0.444, 0.527, 1.094), Rgb::new(3.695, 2.765, 1.829)];
-        let [eta, k] = if metal == "CuZn" { brass } else { self::metal(metal)? };
+        let [eta, k] = if metal == "CuZn" { brass } else { neutral_metal(metal)? };
         return Some(if is_index { eta } else { k });
     }
     let index = glass(name)?.at_d() as f32;
-    (color_use == ColorUse::Index).then(|| Rgb::splat(index))
+    (color_use == ColorUse::Unbounded).then(|| Rgb::splat(index))
 }
 
 /// The glass of this name.

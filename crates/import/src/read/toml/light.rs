@@ -8,7 +8,7 @@ use crate::luminaires::PlacedLuminaire;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
 use bdpm_core::base::photometry::LUMENS_PER_WATT;
-use bdpm_core::scene::lights::emitter::{Directional, Emitter, Spot};
+use bdpm_core::scene::lights::emitter::{Directional, Emitter, Falloff, Spot};
 use bdpm_core::scene::transform::normalized;
 use glam::{DVec3, Vec3};
 use serde::Deserialize;
@@ -28,6 +28,8 @@ pub struct LightTable {
     /// Half the opening angles of the cones of a spot, from the axis.
     outer_deg: Option<f64>,
     inner_deg: Option<f64>,
+    /// Intensity between both cones.
+    falloff: Option<FalloffName>,
     intensity: Option<NonNegative>,
     power: Option<NonNegative>,
     candela: Option<NonNegative>,
@@ -46,6 +48,25 @@ pub struct LightTable {
     pub(super) opening: Option<OpeningChoice>,
     /// Whether camera rays pass the opening.
     pub(super) hidden: Option<bool>,
+}
+
+/// Falloffs of spots.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum FalloffName {
+    Quadratic,
+    Smoothstep,
+    Linear,
+}
+
+impl From<FalloffName> for Falloff {
+    fn from(name: FalloffName) -> Self {
+        match name {
+            FalloffName::Quadratic => Self::Quadratic,
+            FalloffName::Smoothstep => Self::Smoothstep,
+            FalloffName::Linear => Self::LinearInAngle,
+        }
+    }
 }
 
 /// Types of lights.
@@ -70,6 +91,7 @@ impl LightKind {
                     "direction",
                     "outer_deg",
                     "inner_deg",
+                    "falloff",
                     "intensity",
                     "power",
                     "candela",
@@ -139,6 +161,7 @@ impl LightTable {
             ("direction", self.direction.is_some()),
             ("outer_deg", self.outer_deg.is_some()),
             ("inner_deg", self.inner_deg.is_some()),
+            ("falloff", self.falloff.is_some()),
             ("intensity", self.intensity.is_some()),
             ("power", self.power.is_some()),
             ("candela", self.candela.is_some()),
@@ -201,7 +224,8 @@ impl LightTable {
         };
         let outer_deg = self.need("outer_deg", self.outer_deg)?;
         let cosines = cones(self.inner_deg.unwrap_or(0.0), outer_deg)?;
-        let spot = spot(position, unit(direction)?, Rgb::ONE, cosines);
+        let falloff = self.falloff.map_or_else(Falloff::default, Falloff::from);
+        let spot = Spot { falloff, ..spot(position, unit(direction)?, Rgb::ONE, cosines) };
         let intensity = self.axial_intensity(spot.solid_angle())?;
         Ok(Emitter::Spot(Spot { intensity, ..spot }))
     }

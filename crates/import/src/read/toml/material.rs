@@ -67,6 +67,8 @@ pub struct MaterialTable {
     clearcoat: Option<Spanned<Share>>,
     clearcoat_gloss: Option<Spanned<Share>>,
     emission: Option<NonNegative>,
+    #[serde(default)]
+    two_sided_emission: bool,
     interior: Option<Spanned<String>>,
     exterior: Option<Spanned<String>>,
     #[serde(default)]
@@ -163,6 +165,7 @@ impl MaterialTable {
             normal_map: self.normal_map(texture(&self.normal_texture, false)?)?,
             emission_texture: texture(&self.emission_texture, true)?,
             hidden_from_camera: self.hidden,
+            two_sided_emission: self.two_sided_emission,
             boundary: medium::boundary([&self.interior, &self.exterior], media)?,
             ..look.material
         };

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::base::rng::{Stream, StreamKey};
+use std::f64::consts::TAU;
 
 fn spot() -> Spot {
     Spot {
@@ -10,8 +11,11 @@ fn spot() -> Spot {
         intensity: Rgb::new(3.0, 2.0, 1.0),
         cos_inner: 0.9,
         cos_outer: 0.6,
+        falloff: Falloff::Quadratic,
     }
 }
+
+const FALLOFFS: [Falloff; 3] = [Falloff::Quadratic, Falloff::Smoothstep, Falloff::LinearInAngle];
 
 /// A direction at this cosine to the axis.
 fn at_cosine(spot: &Spot, cosine: f32) -> Vec3 {
@@ -21,50 +25,74 @@ fn at_cosine(spot: &Spot, cosine: f32) -> Vec3 {
 
 #[test]
 fn power_of_a_spot_is_the_integral_of_its_intensity() {
-    // Midpoints over the cosine.
-    let n = 100_000;
-    let spot = spot();
-    let integral: f64 = (0..n)
-        .map(|i| f64::from(spot.falloff(at_cosine(&spot, 2.0 * (i as f32 + 0.5) / n as f32 - 1.0))))
-        .sum::<f64>()
-        * 2.0
-        / f64::from(n)
-        * TAU;
-    assert!((integral / f64::from(spot.solid_angle()) - 1.0).abs() < 1e-4, "{integral}");
-    let power = Emitter::Spot(spot).power();
-    assert!((power / spot.intensity - spot.solid_angle()).abs().max_element() < 1e-5);
+    for falloff in FALLOFFS {
+        // Midpoints over the cosine.
+        let n = 100_000;
+        let spot = Spot { falloff, ..spot() };
+        let cosine = |i: i32| 2.0 * (i as f32 + 0.5) / n as f32 - 1.0;
+        let shares = (0..n).map(|i| f64::from(spot.share(at_cosine(&spot, cosine(i)))));
+        let integral = shares.sum::<f64>() * 2.0 / f64::from(n) * TAU;
+        assert!((integral / f64::from(spot.solid_angle()) - 1.0).abs() < 1e-4, "{integral}");
+        let power = Emitter::Spot(spot).power();
+        assert!((power / spot.intensity - spot.solid_angle()).abs().max_element() < 1e-5);
+    }
 }
 
 #[test]
 fn light_paths_of_a_spot_follow_its_intensity() {
-    let spot = spot();
-    let emitter = Emitter::Spot(spot);
-    let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
-    const BINS: usize = 16;
-    let n = 400_000;
-    let mut counts = [0.0; BINS];
-    for _ in 0..n {
-        let Emission { origin, direction, flux } =
-            emitter.emit(0.5, [(); 4].map(|()| rng.next_f64()));
-        assert_eq!((origin, flux), (spot.position, emitter.power() / 0.5));
-        assert!((direction.length() - 1.0).abs() < 1e-5);
-        let cos_outer = spot.cos_outer as f32;
-        let place = (direction.dot(spot.direction) - cos_outer) / (1.0 - cos_outer);
-        counts[((BINS as f32 * place) as usize).min(BINS - 1)] += 1.0;
+    for falloff in FALLOFFS {
+        let spot = Spot { falloff, ..spot() };
+        let emitter = Emitter::Spot(spot);
+        let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
+        const BINS: usize = 16;
+        let n = 400_000;
+        let mut counts = [0.0; BINS];
+        for _ in 0..n {
+            let Emission { origin, direction, flux } =
+                emitter.emit(0.5, [(); 4].map(|()| rng.next_f64()));
+            assert_eq!((origin, flux), (spot.position, emitter.power() / 0.5));
+            assert!((direction.length() - 1.0).abs() < 1e-5);
+            let cos_outer = spot.cos_outer as f32;
+            let place = (direction.dot(spot.direction) - cos_outer) / (1.0 - cos_outer);
+            counts[((BINS as f32 * place) as usize).min(BINS - 1)] += 1.0;
+        }
+        for (bin, count) in counts.into_iter().enumerate() {
+            // Midpoints within the bin.
+            let cosine = |i: i32| {
+                let place = (bin as f32 + (i as f32 + 0.5) / 64.0) / BINS as f32;
+                spot.cos_outer as f32 + place * (1.0 - spot.cos_outer as f32)
+            };
+            let share = |i| f64::from(spot.share(at_cosine(&spot, cosine(i))));
+            let mean: f64 = (0..64).map(|i| share(i) / 64.0).sum();
+            let solid_angle = f64::from(spot.solid_angle());
+            let share = TAU * (1.0 - spot.cos_outer) / BINS as f64 * mean / solid_angle;
+            let expected = share * f64::from(n);
+            let error = expected.max(1.0).sqrt();
+            let off = (count - expected).abs();
+            assert!(off < 4.5 * error, "{falloff:?} {bin}: {count} {expected}");
+        }
     }
-    for (bin, count) in counts.into_iter().enumerate() {
-        // Midpoints within the bin.
-        let cosine = |i: i32| {
-            let place = (bin as f32 + (i as f32 + 0.5) / 64.0) / BINS as f32;
-            spot.cos_outer as f32 + place * (1.0 - spot.cos_outer as f32)
-        };
-        let falloff = |i| f64::from(spot.falloff(at_cosine(&spot, cosine(i))));
-        let mean: f64 = (0..64).map(|i| falloff(i) / 64.0).sum();
-        let solid_angle = f64::from(spot.solid_angle());
-        let share = TAU * (1.0 - spot.cos_outer) / BINS as f64 * mean / solid_angle;
-        let expected = share * f64::from(n);
-        let error = expected.max(1.0).sqrt();
-        assert!((count - expected).abs() < 4.5 * error, "{bin}: {count} {expected}");
+}
+
+/// Also for cones of a thousandth of a degree, and falloffs of a millionth of their width.
+#[test]
+fn numbers_of_a_light_path_of_a_spot_are_those_that_started_it() {
+    for falloff in FALLOFFS {
+        for (inner, outer) in [(25.8, 53.1), (0.0, 80.0), (15.0, 15.001), (0.0, 0.01)] {
+            let [cos_inner, cos_outer] =
+                [inner, outer].map(|degrees: f64| degrees.to_radians().cos());
+            let spot = Spot { falloff, cos_inner, cos_outer, ..spot() };
+            for i in 1..40 {
+                let choice = (i as f32 - 0.5) / 40.0;
+                let direction = spot.emit(1.0, [choice, 0.3]).direction;
+                let [own, around] = spot.emission_numbers(direction);
+                // Directions of single precision have few digits of a narrow cone.
+                let tolerance = if outer < 1.0 || outer - inner < 0.1 { 0.1 } else { 1e-4 };
+                let off = (own - choice).abs();
+                assert!(off < tolerance, "{falloff:?} {inner} {outer}: {own} {choice}");
+                assert!((around - 0.3).abs() < 0.05, "{around}");
+            }
+        }
     }
 }
 

@@ -55,7 +55,7 @@ pub(super) fn conductor(object: &Object, paints: &mut Paints) -> Result<Look> {
     let default = if object.document.is_old { "Cu" } else { "none" };
     let name = object.string("material")?.unwrap_or(default);
     let mut part = |name: &str, default: f32| match object.get(name)? {
-        Some(child) => paints.spectrum(&child, ColorUse::Index, object),
+        Some(child) => paints.spectrum(&child, ColorUse::Unbounded, object),
         None => Ok(Rgb::splat(default)),
     };
     let indices = if object.get("eta")?.is_some() || object.get("k")?.is_some() {

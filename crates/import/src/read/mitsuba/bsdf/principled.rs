@@ -93,7 +93,7 @@ impl ShareTexture {
 pub(super) fn thin(object: &Object, paints: &mut Paints) -> Result<Look> {
     let paint = paints.share(object, "base_color", Rgb::splat(0.5))?;
     let mut number = |name: &str, default: f32, [low, high]: [f32; 2]| {
-        let read = paints.mean(object, name, ColorUse::Index, Rgb::splat(default))?;
+        let read = paints.mean(object, name, ColorUse::Unbounded, Rgb::splat(default))?;
         Ok::<_, Error>(read.x.clamp(low, high))
     };
     let crossing = number("spec_trans", 0.0, [0.0, 1.0])?;
