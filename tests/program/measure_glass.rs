@@ -292,7 +292,7 @@ fn lamp_behind_a_pane_of_any_size_does_not_block_itself() {
         let lamp = square(Vec3::new(0.0, 0.0, 1.5), Vec3::NEG_Z, 0.5, 2);
         let materials = vec![gray(0.2, 0.0), sheet(), gray(0.0, 1.0)];
         let lit = scene(vec![floor(), pane, lamp], materials, vec![], blind());
-        measure(lit, up(), Some(0.01)).sets[0].readings[0]
+        measure(lit, up(), 0.01).sets[0].readings[0]
     };
     let small = reading(0.6);
     assert!(small.value > 150.0, "{small:?}");
@@ -348,7 +348,7 @@ fn meters_on_axis_and_seams_of_a_globe_see_its_lamp_once() {
     let lit = scene(vec![floor, mesh], vec![gray(0.0, 0.0), sheet()], vec![lamp], blind());
     for direction in directions {
         let meter = Meter::irradiance(direction, -direction).unwrap();
-        let reading = measure(Arc::clone(&lit), meter, Some(0.1)).sets[0].readings[0];
+        let reading = measure(Arc::clone(&lit), meter, 0.1).sets[0].readings[0];
         let off = (reading.value - 100.0).abs();
         assert!(off < 1.5 * reading.expanded + 0.5, "{direction}: {reading:?}, not 100 lx");
     }

@@ -135,6 +135,7 @@ mod tests {
                 intensity: Rgb::ONE,
                 cos_inner: 0.95,
                 cos_outer: 0.9,
+                falloff: crate::scene::lights::emitter::Falloff::default(),
             })
         };
         let from = |x: f32| StraightLight::From(Vec3::new(x, 2.0, 0.0));

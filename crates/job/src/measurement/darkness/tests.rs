@@ -31,6 +31,7 @@ fn spot() -> Emitter {
         intensity: Rgb::ONE,
         cos_inner: 0.9,
         cos_outer: 0.866,
+        falloff: bdpm_core::scene::Falloff::default(),
     })
 }
 

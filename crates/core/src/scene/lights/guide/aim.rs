@@ -357,6 +357,7 @@ mod tests {
     use super::*;
     use crate::base::rng::{Stream, StreamKey};
     use crate::scene::bsdf::{Bsdf, Dielectric};
+    use crate::scene::lights::emitter::Falloff;
     use crate::scene::lights::primary_sample;
     use crate::scene::{Camera, Directional, Environment, FieldOfView, Material, Mesh, Spot};
 
@@ -397,7 +398,9 @@ mod tests {
         let position = Vec3::new(0.0, 60.0, 0.0);
         let direction = Vec3::new(0.05, -1.0, 0.0).normalize();
         let intensity = Vec3::splat(2e5);
-        Emitter::Spot(Spot { position, direction, intensity, cos_inner: 0.9, cos_outer: 0.8 })
+        let falloff = Falloff::default();
+        let (cos_inner, cos_outer) = (0.9, 0.8);
+        Emitter::Spot(Spot { position, direction, intensity, cos_inner, cos_outer, falloff })
     }
 
     fn lamp() -> Emitter {
