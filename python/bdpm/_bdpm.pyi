@@ -466,7 +466,7 @@ def judge(
     *,
     second: ArrayLike | None = None,
     time: float | str | None = None,
-    precision: float = ...,
+    precision: float | None = None,
     seed: int | None = None,
     resolution: tuple[int, int] | None = None,
     crop: tuple[int, int, int, int] | None = None,

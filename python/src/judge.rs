@@ -6,7 +6,7 @@ use crate::estimate::Estimate;
 use crate::scene::Scene;
 use crate::settings;
 use crate::tables;
-use bdpm::judge::{DEFAULT_PRECISION, JudgeJob, JudgeVerdict, NoiseSource};
+use bdpm::judge::{JudgeJob, JudgeVerdict, NoiseSource};
 use bdpm::settings::PartialSettings;
 use numpy::PyArray2;
 use pyo3::exceptions::PyValueError;
@@ -155,7 +155,8 @@ impl Judgment {
 /// - `second`: the same image with independent noise, such as that of another seed. Both together
 ///   show their noise; the noise of one image is estimated from neighboring pixels.
 /// - `time`: end after about this time at the latest, seconds or text such as "2m" [default: 60].
-/// - `precision`: relative difference that must be excluded before an image is right.
+/// - `precision`: relative difference that must be excluded before an image is right [default:
+///   0.05, and an early end at 0.01].
 /// - `seed`: of the estimate. `crop`: (left, top, width, height) of the images within an image of
 ///   the `resolution` (width, height), pixels.
 /// - `threads`, `accel`: as for `bdpm.render`.
@@ -164,7 +165,7 @@ impl Judgment {
 /// has values that are not finite, or if both images are equal or differ in size.
 #[pyfunction]
 #[pyo3(signature = (
-    image, scene, *, second=None, time=None, precision=DEFAULT_PRECISION, seed=None, resolution=None, crop=None,
+    image, scene, *, second=None, time=None, precision=None, seed=None, resolution=None, crop=None,
     threads=None, accel=None
 ))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments")]
@@ -174,7 +175,7 @@ pub fn judge(
     scene: &Scene,
     second: Option<&Bound<'_, PyAny>>,
     time: Option<&Bound<'_, PyAny>>,
-    precision: f64,
+    precision: Option<f64>,
     seed: Option<u64>,
     resolution: Option<[u32; 2]>,
     crop: Option<[u32; 4]>,
@@ -198,15 +199,17 @@ pub fn judge(
         return Err(PyValueError::new_err(text));
     }
     let images: Vec<_> = [Some(image), second.map(|(own, _)| own)].into_iter().flatten().collect();
-    let precision = positive("precision", precision, "0.01 for 1 %")?;
     let interrupt = Arc::new(AtomicBool::new(false));
     let job = JudgeJob::new(&scene.loaded, &images, size)
         .map_err(raised)?
         .settings(PartialSettings { seed, resolution, crop, ..PartialSettings::default() })
-        .precision(precision)
         .backend(settings::backend(accel)?)
         .threads(settings::threads(threads)?)
         .interrupted_by(Arc::clone(&interrupt));
+    let job = match precision {
+        Some(own) => job.precision(positive("precision", own, "0.01 for 1 %")?),
+        None => job,
+    };
     let job = match time {
         Some(time) => job.time(settings::time("time", time)?),
         None => job,

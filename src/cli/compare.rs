@@ -3,14 +3,14 @@
 use super::interrupts::catch_interrupts;
 use super::progress::{Progress, ProgressFormat};
 use super::render::share;
-use super::{positive_time, print_plain_notes, say};
+use super::{CameraArgs, LightArgs, positive_time, print_plain_notes, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::base::math::Rgb;
 use bdpm::film::compare::{Comparison, compare};
 use bdpm::image_io::read_exr;
 use bdpm::job::thread_pool;
-use bdpm::judge::{DEFAULT_PRECISION, DEFAULT_TIME, JudgeJob, Judgment};
-use bdpm::load::load;
+use bdpm::judge::{DEFAULT_TIME, JudgeJob, JudgeVerdict, Judgment, LEAST_PRECISION};
+use bdpm::load::{LoadOptions, load_with};
 use bdpm::settings::PartialSettings;
 use serde::Serialize;
 use std::fmt::Write;
@@ -31,9 +31,16 @@ pub struct Args {
     /// Judge for about this time at most, such as 30 (seconds) or 5m [default: 60s]
     #[arg(long, value_name = "TIME", value_parser = positive_time, requires = "scene")]
     time: Option<Duration>,
-    /// Exclude relative differences of this size [default: 1%]
-    #[arg(long, value_name = "X%", value_parser = share, requires = "scene")]
+    /// Call it right only if differences of this size are excluded [default: 5%]
+    #[arg(long, value_name = "X%", value_parser = precision, requires = "scene")]
     precision: Option<f64>,
+    /// Judge with this camera of a glTF or Mitsuba file [default: the first]
+    #[arg(long, value_name = "NAME", requires = "scene")]
+    camera: Option<String>,
+    #[command(flatten)]
+    camera_change: CameraArgs,
+    #[command(flatten)]
+    light: LightArgs,
     /// Seed the estimate with S [default: 1]
     #[arg(long, value_name = "S", requires = "scene")]
     seed: Option<u64>,
@@ -44,6 +51,16 @@ pub struct Args {
     /// Print the result as one JSON object on stdout
     #[arg(long)]
     json: bool,
+}
+
+/// A precision that a judge can reach.
+fn precision(text: &str) -> Result<f64> {
+    let precision = share(text)?;
+    if precision < LEAST_PRECISION {
+        let problem = format!("`{text}` is too small a precision");
+        return Err(Error::new(problem, format!("give at least {} %", 100.0 * LEAST_PRECISION)));
+    }
+    Ok(precision)
 }
 
 #[derive(Serialize)]
@@ -65,6 +82,10 @@ struct JudgeReport {
 pub fn run(args: &Args) -> Result<String> {
     if let Some(scene) = &args.scene {
         return judge(args, scene);
+    }
+    if args.camera_change.is_given() || args.light.is_given() {
+        let problem = "two images are compared, which options of a scene do not change";
+        return Err(Error::new(problem, "give --scene, or leave them out"));
     }
     let b = args.b.as_ref().expect("required without --scene");
     let (a, a_size) = read(&args.a)?;
@@ -90,7 +111,9 @@ fn judge(args: &Args, scene: &Path) -> Result<String> {
     }
     let images: Vec<Vec<Rgb>> = images.into_iter().map(|(image, _)| image).collect();
     let threads = Arc::new(thread_pool(args.threads.unwrap_or(0).into())?);
-    let loaded = threads.install(|| load(scene))?;
+    let options = args.light.options(args.camera.as_deref(), false);
+    let options = LoadOptions { camera_change: args.camera_change.change(), ..options };
+    let loaded = threads.install(|| load_with(scene, &options))?;
     if !args.json {
         say(&format!("read {}", loaded.summary));
         print_plain_notes(&loaded.warnings);
@@ -98,18 +121,31 @@ fn judge(args: &Args, scene: &Path) -> Result<String> {
     let format = if args.json { ProgressFormat::Nothing } else { ProgressFormat::Text };
     let interrupt = catch_interrupts(Progress::new(format))?;
     let settings = PartialSettings { seed: args.seed, ..PartialSettings::default() };
-    let judgment = JudgeJob::new(&loaded, &images, size)?
+    let job = JudgeJob::new(&loaded, &images, size)?
         .settings(settings)
         .threads(threads)
         .time(args.time.unwrap_or(DEFAULT_TIME))
-        .precision(args.precision.unwrap_or(DEFAULT_PRECISION))
-        .interrupted_by(interrupt)
-        .run(|_| {})?;
+        .interrupted_by(interrupt);
+    let job = match args.precision {
+        Some(precision) => job.precision(precision),
+        None => job,
+    };
+    let judgment = job.run(|_| {})?;
     if args.json {
         let images = files.iter().map(|file| name(file)).collect();
         return Ok(super::json(&JudgeReport { images, scene: name(scene), judgment }));
     }
-    Ok(judgment.describe())
+    let mut text = judgment.describe();
+    let notes = loaded.warnings.len();
+    if judgment.verdict != JudgeVerdict::Right && notes > 0 {
+        writeln!(
+            text,
+            "{:<19} {notes} above: parts that are read otherwise differ in the images, too",
+            "notes"
+        )
+        .expect("strings take everything");
+    }
+    Ok(text)
 }
 
 fn read(path: &Path) -> Result<(Vec<Rgb>, (u32, u32))> {

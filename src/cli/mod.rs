@@ -309,13 +309,10 @@ impl SceneArgs {
     /// Refuses options of scenes.
     fn require_no_option(&self) -> Result<()> {
         let Self { scene, camera, camera_change, strict, light, settings, accel, json: _ } = self;
-        let CameraArgs { look_at, fov, camera_from } = camera_change;
-        let LightArgs { environment, sky, no_fallback_light } = light;
         let has_settings = !verbose::given_names(&settings.into()).is_empty();
-        let is_camera = camera.is_some() || look_at.is_some() || fov.is_some();
-        let is_light = environment.is_some() || sky.is_some() || *no_fallback_light;
-        let is_other = camera_from.is_some() || accel.is_some() || *strict;
-        if has_settings || is_camera || is_light || is_other {
+        let is_camera = camera.is_some() || camera_change.is_given();
+        let is_other = accel.is_some() || *strict;
+        if has_settings || is_camera || light.is_given() || is_other {
             let problem = "this is an image, for which only --json makes sense";
             return Err(Error::new(problem, "leave out the other options").at(scene));
         }
@@ -350,6 +347,11 @@ struct CameraArgs {
 }
 
 impl CameraArgs {
+    fn is_given(&self) -> bool {
+        let Self { look_at, fov, camera_from } = self;
+        look_at.is_some() || fov.is_some() || camera_from.is_some()
+    }
+
     fn change(&self) -> CameraChange<'_> {
         let Self { look_at, fov, camera_from } = self;
         CameraChange { from: camera_from.as_deref(), look_at: *look_at, fov: *fov }
@@ -371,6 +373,11 @@ struct LightArgs {
 }
 
 impl LightArgs {
+    fn is_given(&self) -> bool {
+        let Self { environment, sky, no_fallback_light } = self;
+        environment.is_some() || sky.is_some() || *no_fallback_light
+    }
+
     /// Options for loading a scene.
     fn options<'a>(&'a self, camera: Option<&'a str>, strict: bool) -> LoadOptions<'a> {
         let Self { environment, sky, no_fallback_light } = self;

@@ -87,6 +87,8 @@ pub struct Judgment {
     pub paths: f64,
     /// Time of the judge, seconds.
     pub seconds: f64,
+    /// Relative difference that had to be excluded before the image is right.
+    pub precision: f64,
     /// Scores of the tiles.
     pub map: TileMap,
 }
@@ -213,6 +215,7 @@ impl Findings {
             shift,
             paths,
             seconds: time.as_secs_f64(),
+            precision,
             scales: difference.scales,
             map: difference.map,
         }
@@ -259,26 +262,34 @@ fn shift_of(sums: &AuditSums, images: &[Vec<f64>], size: (u32, u32)) -> Option<[
 }
 
 impl Judgment {
+    /// Time after which the noise of the estimate would exclude differences of this size, seconds.
+    fn seconds_to(&self, precision: f64) -> f64 {
+        self.seconds * (self.agreement / precision).powi(2).max(1.0)
+    }
+
     /// The judgment in a few lines.
     pub fn describe(&self) -> String {
         let percent = |share: f64| format!("{:.2} %", 100.0 * share);
         let mut text = match self.verdict {
             JudgeVerdict::Right => format!(
-                "right: it agrees with path tracing within {} in squares of {} pixels",
+                "right within {} in squares of {} pixels, by path tracing",
                 percent(self.agreement),
                 self.agreement_side
             ),
-            JudgeVerdict::Wrong => {
-                format!("wrong: {} of right images are called wrong", percent(self.risk))
-            }
+            JudgeVerdict::Wrong => format!(
+                "wrong: it differs from path tracing; a right image is called wrong with a \
+                 probability of at most {:.0} %",
+                100.0 * self.risk
+            ),
             JudgeVerdict::Undecided if self.is_hardly_found => {
                 "undecided: the image has light that path tracing would hardly find".into()
             }
             JudgeVerdict::Undecided => format!(
                 "undecided: no difference was found, but one of less than {} in squares of {} pixels \
-                 would not have been; allow more --time",
+                 would not have been; allow about {} s, or judge images with less noise",
                 percent(self.agreement),
-                self.agreement_side
+                self.agreement_side,
+                self.seconds_to(self.precision).ceil()
             ),
         };
         text += "\n";

@@ -27,8 +27,16 @@ use std::time::{Duration, Instant};
 /// Time of the judge's own estimate, unless it can tell earlier.
 pub const DEFAULT_TIME: Duration = Duration::from_secs(60);
 
-/// Differences of this size must be excluded before an image is right, relative.
+/// Relative differences of this size must be excluded before a judge ends early, unless a precision
+/// is given.
 pub const DEFAULT_PRECISION: f64 = 0.01;
+
+/// Relative differences of this size must be excluded at the end before an image is right, unless a
+/// precision is given. The verdict names the difference that is excluded.
+pub const ACCEPTED_PRECISION: f64 = 0.05;
+
+/// Smallest precision that can be given.
+pub const LEAST_PRECISION: f64 = 1e-4;
 
 /// Number of looks at the images. The time doubles from one to the next.
 const LOOKS: u32 = 6;
@@ -46,7 +54,9 @@ pub struct JudgeJob {
     backend: Option<Backend>,
     threads: Option<Arc<ThreadPool>>,
     time: Duration,
+    /// Precision at which the judge ends early, and that at its end.
     precision: f64,
+    accepted: f64,
     interrupt: Arc<AtomicBool>,
 }
 
@@ -93,6 +103,7 @@ impl JudgeJob {
             threads: None,
             time: DEFAULT_TIME,
             precision: DEFAULT_PRECISION,
+            accepted: ACCEPTED_PRECISION,
             interrupt: Arc::default(),
         })
     }
@@ -121,10 +132,12 @@ impl JudgeJob {
         Self { time, ..self }
     }
 
-    /// Ends once relative differences of this size are excluded in all tiles [default: 0.01].
+    /// Calls an image right only if relative differences of this size are excluded [default: 0.05;
+    /// the judge ends early at 0.01]. At least [`LEAST_PRECISION`].
     #[must_use]
     pub fn precision(self, precision: f64) -> Self {
-        Self { precision, ..self }
+        let precision = precision.max(LEAST_PRECISION);
+        Self { precision, accepted: precision, ..self }
     }
 
     /// Ends with the present result once this flag is set.
@@ -172,7 +185,7 @@ impl JudgeJob {
             if is_last || findings.is_wrong() || findings.is_right(self.precision) {
                 let settings = self.resolved()?;
                 let place = (&*self.scene, &*accel, &settings);
-                return Ok(findings.judgment(place, self.precision, start.elapsed()));
+                return Ok(findings.judgment(place, self.accepted, start.elapsed()));
             }
         }
         unreachable!("the last look returns")
