@@ -282,6 +282,21 @@ fn headers_of_pictures_and_display_windows_beyond_memory_are_refused() {
     refused(&files, &["a.toml:", "65535x65535 texels; at most 16384"]);
 }
 
+/// Runs of Radiance pictures name many pixels in few bytes.
+#[test]
+fn runs_of_pictures_beyond_memory_are_refused() {
+    let scene = format!(
+        "mesh = [{{ file = 'a.obj' }}]\n{}",
+        TOML.replace("radiance = 1", "file = 'a.hdr'")
+    );
+    let runs = [9, 9, 9, 129, 1, 1, 1, 255, 1, 1, 1, 255].repeat(65_536);
+    let hdr = [b"#?RADIANCE\n\n-Y 65536 +X 65536\n", &runs[..]].concat();
+    refused(
+        &[("a.toml", scene.as_bytes()), ("a.obj", OBJ), ("a.hdr", &hdr)],
+        &["a.hdr: cannot read it as an HDR image: its 65536 scanlines of 65536 pixels take"],
+    );
+}
+
 #[test]
 fn files_with_holes_beyond_memory_are_refused_at_once() {
     let folder = tempfile::tempdir().unwrap();

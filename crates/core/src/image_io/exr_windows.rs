@@ -15,6 +15,13 @@ pub(super) struct ExrWindows {
     pub size: [u32; 2],
 }
 
+/// Number of pixels that a display window may have, whatever the data window is.
+const PIXELS: f64 = (1_u32 << 24) as f64;
+
+/// Number of pixels of a larger display window per pixel of the data window: a small file must not
+/// take much memory.
+const PIXELS_PER_DATUM: f64 = 256.0;
+
 impl ExrWindows {
     /// The display window of an image that is the data window. Pixels without data are 0.
     pub fn displayed(self, image: Image) -> Result<Image> {
@@ -24,6 +31,15 @@ impl ExrWindows {
         }
         let channels: usize = image.layers.iter().map(|layer| layer.channels.len()).sum();
         let pixels = f64::from(width) * f64::from(height);
+        let data = f64::from(image.width) * f64::from(image.height);
+        if pixels > PIXELS.max(PIXELS_PER_DATUM * data) {
+            let (own_width, own_height) = (image.width, image.height);
+            let problem = format!(
+                "the display window of {width}x{height} pixels is far larger than the data window \
+                 of {own_width}x{own_height}"
+            );
+            return Err(Error::new(problem, "crop the image to its data window"));
+        }
         let needed = pixels * channels as f64 * size_of::<f32>() as f64;
         if let Some(available) = available_memory().filter(|available| needed > *available) {
             let problem = format!(
@@ -94,16 +110,18 @@ mod tests {
     }
 
     #[test]
-    fn display_windows_that_memory_cannot_hold_are_refused() {
+    fn display_windows_far_larger_than_their_data_are_refused() {
         let channel = |name: &str| (name.to_owned(), vec![1.0]);
         let channels = vec![channel("R"), channel("G"), channel("B")];
         let layers = vec![Layer { name: String::new(), channels }];
         let data = Image { width: 1, height: 1, layers, metadata: Metadata::new() };
-        // 48 EiB. Systems that do not report their memory refuse nothing.
-        if available_memory().is_some() {
-            let windows = ExrWindows { primaries: None, origin: [0, 0], size: [1 << 31; 2] };
-            let shown = windows.displayed(data).unwrap_err().to_string();
-            assert!(shown.contains("the display window of 2147483648x2147483648"), "{shown}");
+        for size in [[1 << 31; 2], [4097, 4096]] {
+            let windows = ExrWindows { primaries: None, origin: [0, 0], size };
+            let shown = windows.displayed(data.clone()).unwrap_err().to_string();
+            let [width, height] = size;
+            assert!(shown.contains(&format!("the display window of {width}x{height}")), "{shown}");
         }
+        let windows = ExrWindows { primaries: None, origin: [0, 0], size: [4096; 2] };
+        assert_eq!(windows.displayed(data).unwrap().width, 4096);
     }
 }
