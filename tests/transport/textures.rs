@@ -191,12 +191,14 @@ fn packets_of_shadow_rays_pass_a_mask_as_single_rays_do() {
 }
 
 #[test]
-fn lights_are_not_cut() {
-    let mut lamp = gray(0.5, 3.0);
-    lamp.opacity_texture = Some(Arc::new(Texture::new(1, 1, vec![[0, 0, 0, 255]])));
-    let scene = scene(vec![textured_square(0.0, 0)], vec![lamp], vec![], camera_above());
-    let image = image(&scene, Backend::default(), settings(4, 4), 1);
-    assert!(image.iter().all(|value| value.x == 3.0), "{image:?}");
+fn lights_are_cut_like_other_surfaces() {
+    for (code, expected) in [(0, 0.0), (255, 3.0)] {
+        let mut lamp = gray(0.5, 3.0);
+        lamp.opacity_texture = Some(Arc::new(Texture::new(1, 1, vec![[code, code, code, 255]])));
+        let scene = scene(vec![textured_square(0.0, 0)], vec![lamp], vec![], camera_above());
+        let image = image(&scene, Backend::default(), settings(4, 4), 1);
+        assert!(image.iter().all(|value| value.x == expected), "{image:?}");
+    }
 }
 
 const MODEL: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0.25 0.75\n\
