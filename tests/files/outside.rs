@@ -101,7 +101,8 @@ fn pipes_in_scenes_are_refused_without_waiting() {
     };
     let [exr, hdr] = ["pipe.exr", "pipe.hdr"].map(environment);
     let texture = format!(
-        "{CAMERA}{LIGHT}[materials.m]\nalbedo_texture = 'pipe.png'\n\
+        "{CAMERA}{LIGHT}[textures.t]\nfile = 'pipe.png'\n\
+         [materials.m]\nalbedo_texture = 't'\n\
          [[mesh]]\nfile = 'triangle.obj'\nmaterial = 'm'\n"
     );
     let luminaire = format!(

@@ -118,13 +118,10 @@ impl CandidateCost {
             let n_camera = f64::from(camera_paths);
             let [base, per_light_path] = times.in_light_paths(n_camera);
             let (camera, light) = (b / n_camera, a / n_camera + f);
-            let longest = self.longest_iteration();
-            if base > longest && best.is_some() {
+            if base > self.longest_iteration() && best.is_some() {
                 break;
             }
-            let least = if light > 0.0 { least_light_paths(times) } else { 0.0 };
-            let light_paths =
-                self.light_paths([base, per_light_path], [camera, light], least, longest);
+            let light_paths = self.light_paths(times, n_camera, [camera, light]);
             let tau = base + per_light_path * light_paths;
             let variance = camera + light / light_paths;
             // Error after the variance of one iteration has fallen to this share of it.
@@ -176,19 +173,15 @@ impl CandidateCost {
         }
     }
 
-    /// The best number of light paths where an iteration takes a base and a time per light path, at
-    /// most `longest`, and has a variance without and with light paths. At least `least`, if these
-    /// are allowed. theory.md (93c)
-    fn light_paths(
-        &self,
-        [base, per_light_path]: [f64; 2],
-        [camera, light]: [f64; 2],
-        least: f64,
-        longest: f64,
-    ) -> f64 {
+    /// The best number of light paths at this number of camera paths, where an iteration has a
+    /// variance without and with light paths. theory.md (93c)
+    fn light_paths(&self, times: &TimeModel, n_camera: f64, [camera, light]: [f64; 2]) -> f64 {
+        let ([base, per_light_path], longest) =
+            (times.in_light_paths(n_camera), self.longest_iteration());
         let allowed = ((longest - base) / per_light_path).max(base / per_light_path);
         let optimum = (base * light / (per_light_path * camera)).sqrt();
         let most = f64::from(self.max_light_paths).min(allowed);
+        let least = if light > 0.0 { least_light_paths(times) } else { 0.0 };
         if optimum.is_nan() { 2.0 } else { optimum.max(least).min(most).max(2.0) }
     }
 

@@ -6,7 +6,7 @@ use super::candidates::SceneTraits;
 use super::compared_trials::disagrees;
 use super::model::{ENOUGH_FOUND, ImageScale, LARGEST_SCALE, Model};
 use super::revision::Revision;
-use super::seen_surfaces::footprint;
+use super::seen_surfaces::width_seen;
 use super::trial::Trial;
 use super::trial_runner::TrialRunner;
 use super::{End, FreeParameters, Penalties, Selection, Technique};
@@ -120,17 +120,12 @@ pub fn run(
 }
 
 /// The settings of a renderer. Where radii are open, they are not larger than those of a scene of
-/// [`SEEN_WIDTHS`] times the width that the image shows: a large ground says nothing about the
-/// objects on it.
+/// [`SEEN_WIDTHS`] times the width that the image shows, or the distance of what meters see: a large
+/// ground says nothing about the objects on it.
 fn with_seen_radii(renderer: &Renderer, open: FreeParameters) -> Settings {
     let (scene, accel) = renderer.scene_and_accel();
     let mut own = renderer.settings().clone();
-    if scene.meters().is_some() {
-        return own;
-    }
-    let [width, _] = own.full_resolution();
-    let footprint = footprint(scene, &**accel, &own);
-    let size = (SEEN_WIDTHS * ImageScale { width, footprint }.image_width()) as f32;
+    let size = (SEEN_WIDTHS * width_seen(scene, &**accel, &own)) as f32;
     let factor = (size / scene.size()).min(1.0);
     if open.radius {
         own.radius *= factor;

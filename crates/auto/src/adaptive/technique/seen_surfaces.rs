@@ -13,6 +13,15 @@ const FOOTPRINTS: u32 = 16;
 /// this size do not show.
 const METER_PIXEL: f64 = 0.01;
 
+/// Width of what an image shows, or distance of what meters see, median, scene units.
+pub fn width_seen(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> f64 {
+    let side = footprint(scene, accel, settings) * PI.sqrt();
+    match scene.meters() {
+        Some(_) => side / METER_PIXEL,
+        None => side * f64::from(settings.full_resolution()[0]),
+    }
+}
+
 /// Area of all surfaces on which photons are merged, scene units squared.
 pub fn merging_area(scene: &Scene) -> f64 {
     let places = scene.placements().par_iter().enumerate();

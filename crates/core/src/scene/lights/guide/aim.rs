@@ -36,8 +36,11 @@ const CELLS_PER_PAIR: usize = 96;
 /// Minimum gain of a division, in nats over all rays.
 const LEAST_GAIN: f64 = 2e-3;
 
-/// Room beyond the outermost rays of a cell, over their extent.
-const ROOM: f64 = 0.03;
+/// Parts of a cell without rays are kept unless they are wider than so many mean gaps between its
+/// rays, and than a share of their extent: narrow ones are gaps by chance, and paths that start in
+/// them would carry far more flux than all others.
+const CHANCE_GAPS: f64 = 8.0;
+const LEAST_EMPTY: f64 = 0.05;
 
 /// The aimed rays must be this much denser than unguided ones somewhere, or no aim is needed.
 const WORTHWHILE: f64 = 16.0;
@@ -258,14 +261,19 @@ fn divide(rays: Vec<AimedRay>, most: usize) -> (Vec<Division>, Vec<Node>) {
     (done, nodes)
 }
 
-/// The extent of rays along a side, with room, within a cell.
+/// The extent of rays along a side of a cell. Ends of the cell that are near count as met.
 fn extent(rays: &[AimedRay], cell: &Cell, side: usize) -> [f64; 2] {
     let numbers = rays.iter().map(|ray| ray.place[side]);
     let low = numbers.clone().fold(f64::INFINITY, f64::min);
     let high = numbers.fold(f64::NEG_INFINITY, f64::max);
-    let room = ROOM * (high - low) + 1e-9;
-    let end = cell.low[side] + cell.size[side];
-    [(low - room).max(cell.low[side]), (high + room).min(end)]
+    let gap = (high - low) / rays.len() as f64;
+    let empty = (CHANCE_GAPS * gap).max(LEAST_EMPTY * (high - low)) + 1e-12;
+    let room = 0.5 * empty;
+    let (begin, end) = (cell.low[side], cell.low[side] + cell.size[side]);
+    [
+        if low - begin < empty { begin } else { low - room },
+        if end - high < empty { end } else { high + room },
+    ]
 }
 
 impl Division {
@@ -454,8 +462,9 @@ mod tests {
             assert!(share > 0.12 * AIMED_SHARE && share > 4.0 * even, "{name}: {share} {even}");
             let error = flux[1].hypot(expected[1]);
             assert!((flux[0] - expected[0]).abs() < 4.0 * error, "{name}: {flux:?} {expected:?}");
-            // Of a sky, one path in thirty meets the cube: 1.8 % for 100,000 paths of equal flux.
-            assert!(flux[1] < 0.03 * flux[0], "{name}: {flux:?}");
+            // Of a sky, one path in thirty meets the cube: 1.8 % for 100,000 paths of equal flux. A
+            // few start where no box is dense, and carry more. Without an aim, it is 8 %.
+            assert!(flux[1] < 0.06 * flux[0], "{name}: {flux:?}");
         }
     }
 

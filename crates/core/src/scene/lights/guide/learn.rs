@@ -90,7 +90,8 @@ impl Guide {
     }
 }
 
-/// Cuts the cells of `base`, the cell of the highest gain first. Also returns the tree of the cells.
+/// Cuts the cells of `base`, the cell of the highest gain first. Also returns the tree of the
+/// cells.
 fn cut(moments: &mut [Moment], base: &Guide) -> (Vec<SplittableCell>, Vec<Node>) {
     moments.sort_by_cached_key(|moment| base.cell_of(&moment.place));
     let mut node_of = vec![0; base.cells.len()];
