@@ -120,8 +120,8 @@ pub fn run(
 }
 
 /// The settings of a renderer. Where radii are open, they are not larger than those of a scene of
-/// [`SEEN_WIDTHS`] times the width that the image shows, or the distance of what meters see: a large
-/// ground says nothing about the objects on it.
+/// [`SEEN_WIDTHS`] times the width that the image shows, or the distance of what meters see: a
+/// large ground says nothing about the objects on it.
 fn with_seen_radii(renderer: &Renderer, open: FreeParameters) -> Settings {
     let (scene, accel) = renderer.scene_and_accel();
     let mut own = renderer.settings().clone();
