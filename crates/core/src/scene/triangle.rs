@@ -27,7 +27,7 @@ pub struct Triangle {
 }
 
 /// Least distance off a plane at which rays start, over the largest coordinate of its points.
-const LEAST_OFFSET: f32 = f32::EPSILON / 32.0;
+const LEAST_OFFSET: f32 = f32::EPSILON / 8.0;
 
 /// Shading data of a triangle's corners: one cache line.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
