@@ -101,8 +101,7 @@ fn pipes_in_scenes_are_refused_without_waiting() {
     };
     let [exr, hdr] = ["pipe.exr", "pipe.hdr"].map(environment);
     let texture = format!(
-        "{CAMERA}{LIGHT}[textures.t]\nfile = 'pipe.png'\n\
-         [materials.m]\nalbedo_texture = 't'\n\
+        "{CAMERA}{LIGHT}[materials.m]\nalbedo_texture = 'pipe.png'\n\
          [[mesh]]\nfile = 'triangle.obj'\nmaterial = 'm'\n"
     );
     let luminaire = format!(
@@ -117,7 +116,7 @@ fn pipes_in_scenes_are_refused_without_waiting() {
         ("pipe.obj", "a.toml", &mesh[..], refused),
         ("pipe.exr", "a.toml", &exr, refused),
         ("pipe.hdr", "a.toml", &hdr, refused),
-        ("pipe.png", "a.toml", &texture, refused),
+        ("pipe.png", "a.toml", &texture, "there is no texture `pipe.png`"),
         ("pipe.ies", "a.toml", &luminaire, refused),
         ("pipe.mtl", "a.obj", &library, refused),
         ("pipe.bin", "a.gltf", &buffer, refused),

@@ -174,8 +174,6 @@ struct PreparedRay {
     t_far: f32,
     axes: [usize; 3],
     shear: Vec3,
-    /// Scaled direction.
-    direction: Vec3,
     /// Distances times this are in units of the caller's direction.
     scale: f32,
 }
@@ -201,8 +199,7 @@ impl PreparedRay {
             (x, y) = (y, x); // keeps the winding
         }
         let shear = Vec3::new(direction[x], direction[y], 1.0) / direction[z];
-        let origin = ray.origin;
-        Self { origin, inverse, t_near, t_far, axes: [x, y, z], shear, direction, scale }
+        Self { origin: ray.origin, inverse, t_near, t_far, axes: [x, y, z], shear, scale }
     }
 
     /// Distance at which the ray enters a node's box, at least `t_near`; infinite if it misses it.
@@ -248,14 +245,7 @@ impl PreparedRay {
         if determinant == 0.0 {
             return None; // edge-on, or without area
         }
-        // By the plane: for a plane along axes, coordinates along it do not round the distance, so
-        // that rays may start very near to it.
-        let normal = (b - a).cross(c - a);
-        let along = normal.dot(self.direction);
-        let distance = match along {
-            0.0 => self.shear.z * (u * a[kz] + v * b[kz] + w * c[kz]) / determinant,
-            along => normal.dot(a) / along,
-        };
+        let distance = self.shear.z * (u * a[kz] + v * b[kz] + w * c[kz]) / determinant;
         // Written so that NaN, from coordinates near the limit, is no hit.
         let inside = distance > self.t_near && distance < t_max;
         inside.then(|| (distance, v / determinant, w / determinant))

@@ -331,7 +331,7 @@ impl Scene {
     /// Distance off a plane through this position at which rays start, scene units; its unit normal
     /// is given.
     pub(crate) fn offset_at(&self, position: Vec3, normal: Vec3) -> f32 {
-        Triangle::offset(normal, position.abs()) + self.ray_offset
+        Triangle::point_offset(normal, position) + self.ray_offset
     }
 
     /// Box around all meshes.

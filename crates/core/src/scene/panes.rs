@@ -59,6 +59,9 @@ impl PanePassage {
     }
 }
 
+/// Smallest cosine at which the start of a ray beyond a pane is in its line.
+const MIN_COSINE: f32 = 1e-3;
+
 /// A straight line of sight through panes.
 #[derive(Clone, Copy, Debug)]
 pub struct PaneSight {
@@ -243,12 +246,22 @@ impl Scene {
                 tracer.pass(&pane);
                 (start, within) = (pane.start, pane.beyond);
             }
+            let start = start + along_ray(&surface, direction);
             // Rays start off surfaces. A lamp must not seem to be nearer than its own distance.
             tracer.covered += (start - ray.origin).dot(direction);
             ray = Ray::new(start, direction);
         }
         None
     }
+}
+
+/// Displacement of the start of a ray beyond a flat surface, so that it goes on in its line: off the
+/// surface along its direction, not along the normal.
+fn along_ray(surface: &Surface, direction: Vec3) -> Vec3 {
+    let normal = -surface.normal;
+    let offset = surface.off_surface.distance(surface.position);
+    let cos = normal.dot(direction).max(MIN_COSINE);
+    offset * (direction / cos - normal)
 }
 
 /// Returns true if the interface is smooth, flat and without dispersion.

@@ -189,14 +189,13 @@ impl Transform {
         let (normal, stretch) = self.turn(normal);
         let area = f64::from(area) * self.determinant.abs() * stretch;
         let largest = Triangle::largest([origin, origin + edge1, origin + edge2]);
-        // The instance's own space has rays of the size of the translation.
-        let reach = largest.max_element().max(self.map.translation.abs().max_element() as f32);
+        let reach = f64::from(largest.max_element()).max(self.map.translation.abs().max_element());
         Triangle {
             origin,
             edge1,
             edge2,
             normal,
-            offset: Triangle::offset(normal, Vec3::splat(reach * self.magnification as f32)),
+            offset: Triangle::offset((reach * self.magnification) as f32),
             area: area as f32,
             ..*stored
         }

@@ -26,7 +26,7 @@ pub struct Triangle {
     pub(super) corners: u32,
 }
 
-/// Least distance off a plane at which rays start, over the largest coordinate of its points.
+/// Least distance off a plane at which rays from a meter start, over its largest coordinate.
 const LEAST_OFFSET: f32 = f32::EPSILON / 8.0;
 
 /// Shading data of a triangle's corners: one cache line.
@@ -85,7 +85,7 @@ impl Triangle {
         let [a, b, c] = corners;
         let (edge1, edge2) = (b - a, c - a);
         let normal = long_normal(corners).normalize_or_zero().as_vec3();
-        let offset = Self::offset(normal, Self::largest(corners));
+        let offset = Self::offset(Self::largest(corners).max_element());
         let area = triangle_area(corners);
         let corners = Self::FLAT;
         Self { origin: a, edge1, edge2, normal, offset, material, area, corners }
@@ -96,15 +96,18 @@ impl Triangle {
         a.abs().max(b.abs()).max(c.abs())
     }
 
-    /// Distance off a plane with this unit normal at which rays start, if no coordinate of its
-    /// points exceeds `largest`: a bound of the distance by which rounding moves a point off the
-    /// plane. Each coordinate has an error of its own, of a few units in its last place, and only
-    /// its part along the normal matters. A large ground at a height of zero has hardly any.
+    /// An interpolated point is off its plane by a few units in the last place of the largest
+    /// vertex coordinate.
+    pub(super) fn offset(largest: f32) -> f32 {
+        largest * (32.0 * f32::EPSILON) + f32::MIN_POSITIVE
+    }
+
+    /// Distance off a plane with this unit normal at which rays from one of its points start: each
+    /// coordinate has a rounding error of its own, of which only the part along the normal matters.
     /// theory.md (33b)
-    pub(super) fn offset(normal: Vec3, largest: Vec3) -> f32 {
-        let off_plane = normal.abs().dot(largest) * (32.0 * f32::EPSILON);
-        // Rounding of normals, and of points that are exactly on the plane.
-        off_plane + largest.max_element() * LEAST_OFFSET + f32::MIN_POSITIVE
+    pub(super) fn point_offset(normal: Vec3, point: Vec3) -> f32 {
+        let off_plane = normal.abs().dot(point.abs()) * (32.0 * f32::EPSILON);
+        off_plane + point.abs().max_element() * LEAST_OFFSET + f32::MIN_POSITIVE
     }
 
     /// The triangle whose front is the back of this one.
