@@ -117,9 +117,9 @@ fn pipes_in_scenes_are_refused_without_waiting() {
         ("pipe.exr", "a.toml", &exr, refused),
         ("pipe.hdr", "a.toml", &hdr, refused),
         ("pipe.png", "a.toml", &texture, "there is no texture `pipe.png`"),
-        ("pipe.ies", "a.toml", &luminaire, refused),
+        ("pipe.ies", "a.toml", &luminaire, "there is no file `pipe.ies`"),
         ("pipe.mtl", "a.obj", &library, refused),
-        ("pipe.bin", "a.gltf", &buffer, refused),
+        ("pipe.bin", "a.gltf", &buffer, "pipe.bin"),
         ("pipe.pbrt", "a.pbrt", "Include \"pipe.pbrt\"\n", refused),
         ("pipe.xml", "a.xml", include, "pipe.xml"),
     ] {

@@ -31,7 +31,8 @@ fn sun() -> Emitter {
     Emitter::Directional(Directional::new(direction, Vec3::splat(3.0)))
 }
 
-/// A meter in free air, one on the ground in the sun, and one in the shadow of the hut: exact values of direct light over black surfaces.
+/// A meter in free air, one on the ground in the sun, and one in the shadow of the hut: exact
+/// values of direct light over black surfaces.
 #[test]
 fn meters_do_not_depend_on_the_size_of_the_ground() {
     let lamp = point_light(Vec3::new(-3.0, 0.0, 1.6), 2.0);

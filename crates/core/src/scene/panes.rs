@@ -255,8 +255,8 @@ impl Scene {
     }
 }
 
-/// Displacement of the start of a ray beyond a flat surface, so that it goes on in its line: off the
-/// surface along its direction, not along the normal.
+/// Displacement of the start of a ray beyond a flat surface, so that it goes on in its line: off
+/// the surface along its direction, not along the normal.
 fn along_ray(surface: &Surface, direction: Vec3) -> Vec3 {
     let normal = -surface.normal;
     let offset = surface.off_surface.distance(surface.position);
