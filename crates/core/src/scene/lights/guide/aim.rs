@@ -156,7 +156,7 @@ impl Ball {
     }
 
     /// The ray from a point to one of the ball; `None` from inside, where every ray meets it.
-    fn from_point(&self, origin: Vec3, numbers: [f64; 2]) -> Option<Ray> {
+    fn ray_from(&self, origin: Vec3, numbers: [f64; 2]) -> Option<Ray> {
         let away = self.center - origin;
         let (distance2, radius2) = (away.length_squared(), self.radius * self.radius);
         // The cone of the tangents meets the disc in a circle of this radius.
@@ -171,8 +171,7 @@ impl Emitter {
     /// A ray of the light to a ball; `None` if it does not emit along that ray.
     fn aimed_ray(&self, ball: &Ball, [u, v, a, b, _]: PrimarySample) -> Option<Ray> {
         let from_triangle = |shape: &Triangle, numbers: [f64; 2]| {
-            let ray =
-                ball.from_point(shape.point(uniform_triangle(numbers.map(below_one))), [u, v]);
+            let ray = ball.ray_from(shape.point(uniform_triangle(numbers.map(below_one))), [u, v]);
             ray.filter(|ray| ray.direction.dot(shape.normal) > 0.0)
         };
         match self {
@@ -187,9 +186,9 @@ impl Emitter {
                 let (index, rest, _) = lamp.choose(Triangle::area, a)?;
                 from_triangle(&lamp.triangles()[index], [rest, b])
             }
-            Self::Point { position, .. } => ball.from_point(*position, [u, v]),
-            Self::Luminaire(lamp) => ball.from_point(lamp.position, [u, v]),
-            Self::Spot(spot) => ball.from_point(spot.position, [u, v]),
+            Self::Point { position, .. } => ball.ray_from(*position, [u, v]),
+            Self::Luminaire(lamp) => ball.ray_from(lamp.position, [u, v]),
+            Self::Spot(spot) => ball.ray_from(spot.position, [u, v]),
         }
         .filter(|ray| self.irradiance(ray.origin, ray.direction, ray.target) > 0.0)
     }
