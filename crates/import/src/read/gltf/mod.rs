@@ -174,5 +174,5 @@ fn document_warnings(document: &GltfDocument, shown: &str) -> Vec<Warning> {
 /// The first name that is not empty, without characters that would control a terminal.
 fn first_name<const N: usize>(names: [&str; N], default: impl Fn() -> String) -> String {
     let named = names.into_iter().find(|name| !name.is_empty());
-    named.map_or_else(default, |name| for_display(name))
+    named.map_or_else(default, for_display)
 }
