@@ -287,6 +287,7 @@ mod tests {
     fn discs_of_another_law_widen_the_bound() {
         let sums = sums_of([0.0, 400.0, 0.5], 9);
         assert!((sums.biases(1)[1].0 - 0.5 / 3.0).abs() < 0.01);
-        assert!((0.1..0.25).contains(&sums.bias(1)), "{}", sums.bias(1));
+        // The smaller discs show no bias, so that the difference widens the bound once more.
+        assert!((sums.bias(1) - 1.0 / 3.0).abs() < 0.02, "{}", sums.bias(1));
     }
 }

@@ -99,9 +99,9 @@ fn aimed_paths_meet_small_casters_and_carry_their_flux() {
         assert!(share > 0.12 * AIMED_SHARE && share > 4.0 * even, "{name}: {share} {even}");
         let error = flux[1].hypot(expected[1]);
         assert!((flux[0] - expected[0]).abs() < 4.0 * error, "{name}: {flux:?} {expected:?}");
-        // Of a sky, one path in thirty meets the cube: 1.8 % for 100,000 paths of equal flux. A
-        // few start where no box is dense, and carry more. Without an aim, it is 8 %.
-        assert!(flux[1] < 0.06 * flux[0], "{name}: {flux:?}");
+        // As many paths that are not aimed, a fortieth of those above, have over twice the noise.
+        let unaimed = 40f64.sqrt() * expected[1];
+        assert!(flux[1] < 0.5 * unaimed, "{name}: {flux:?} {unaimed}");
     }
 }
 
