@@ -51,7 +51,7 @@ fn spot() -> Emitter {
 
 fn lamp() -> Emitter {
     let corners = [Vec3::new(9.0, 40.0, 0.0), Vec3::new(9.0, 40.0, 1.0), Vec3::new(8.0, 40.0, 0.0)];
-    let shape = crate::scene::Triangle::new(corners, 0).flipped();
+    let shape = crate::scene::Triangle::new(corners, 0);
     Emitter::Triangle { shape, radiance: Vec3::splat(1e5) }
 }
 
