@@ -24,6 +24,10 @@ const RAYS: usize = 4096;
 /// Rays that estimate the flux toward a group.
 const FLUX_RAYS: usize = 16;
 
+/// Maximum number of lights that are aimed, those of the largest power: lamps may have a million
+/// triangles, each of which is a light.
+const MOST_LIGHTS: usize = 256;
+
 /// Maximum number of pairs of a light and a group of casters; those that receive the most flux.
 const MOST_PAIRS: usize = 32;
 
@@ -97,9 +101,12 @@ fn even_numbers(index: usize) -> PrimarySample {
 
 /// Rays from all lights to the balls around groups of casters.
 fn aimed_rays(lights: &Lights, casters: &[Bounds]) -> Vec<AimedRay> {
-    let count = lights.emitters().len() + usize::from(lights.has_environment());
+    let prob = &lights.by_power.prob;
+    let mut strongest: Vec<usize> = (0..prob.len()).collect();
+    strongest.sort_by(|&one, &other| prob[other].total_cmp(&prob[one]));
+    strongest.truncate(MOST_LIGHTS);
     let mut pairs = Vec::new();
-    for light in 0..count {
+    for light in strongest {
         for caster in casters {
             let ball = Ball::around(caster);
             let flux = lights.flux_to(light, &ball);
