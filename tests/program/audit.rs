@@ -93,8 +93,11 @@ fn light_that_was_never_seen_opens_the_interval_of_the_error() {
     assert!(path["unseen_light"].as_str().unwrap().contains("by way of"), "{path}");
     let interval = &path["error"]["interval"];
     assert!(interval["low"].as_f64().unwrap() > 0.0 && interval["high"].is_null(), "{path}");
-    let shown = render("path", "2", &[]);
+    let page = folder.path().join("a.html");
+    let shown = render("path", "2", &["--report", text(&page)]);
     succeed(&shown);
+    let page = std::fs::read_to_string(page).unwrap();
+    assert!(page.contains("at least") && page.contains("no photon has shown light of"), "{page}");
     let all = String::from_utf8([shown.stdout, shown.stderr].concat()).unwrap();
     assert!(all.contains("no photon has shown any light of") && all.contains("(at least"), "{all}");
     let merged = json(&render("single", "4000", &["--json"]));

@@ -107,14 +107,19 @@ fn tiles(snapshot: &Snapshot) -> Markup {
     };
     let range = |interval: &ErrorInterval| {
         let ErrorInterval { low, high } = interval;
-        format!("{}: {} to {}", percent(COVERAGE), percent(*low), percent(*high))
+        match high.is_finite() {
+            true => format!("{}: {} to {}", percent(COVERAGE), percent(*low), percent(*high)),
+            false => format!("at least {}", percent(*low)),
+        }
     };
     let split = (bias > 0.0).then(|| {
         let noise = noise2.map_or("–".into(), |noise2| percent(noise2.sqrt()));
         format!("noise {noise}, merge bias {}", percent(bias))
     });
-    let interval = convergence.and_then(|now| now.error_interval(&state.stop, 1.0));
-    let parts: Vec<String> = split.into_iter().chain(interval.as_ref().map(range)).collect();
+    let interval = convergence.and_then(|now| state.error_interval(now));
+    let unseen = state.unseen_light().map(|own| format!("no photon has shown {}", own.describe()));
+    let parts = split.into_iter().chain(interval.as_ref().map(range)).chain(unseen);
+    let parts: Vec<String> = parts.collect();
     let more = (!parts.is_empty()).then(|| parts.join("; "));
     let elapsed = human_time(state.elapsed().as_secs_f64());
     let iterations = count(snapshot.image.iterations() as f64);
@@ -152,7 +157,7 @@ pub fn outcome(snapshot: &Snapshot) -> Markup {
         @if let Some(report) = snapshot.report {
             section {
                 h2 { "Result" }
-                pre { (text(report).trim_end()) }
+                pre { (text(report, true).trim_end()) }
             }
         }
     }

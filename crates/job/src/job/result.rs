@@ -237,7 +237,8 @@ fn denoised_report(state: &RenderState, convergence: &Convergence) -> Option<Den
         Some(_) => convergence.squared_bias(&state.stop),
         None => SquaredPart::default(),
     };
-    Some(denoising.report(bias))
+    let report = denoising.report(bias);
+    Some(DenoisedReport { interval: state.with_unseen_light(report.interval), ..report })
 }
 
 fn relative_error(state: &RenderState, convergence: &Convergence) -> Option<RelativeError> {
@@ -249,10 +250,7 @@ fn relative_error(state: &RenderState, convergence: &Convergence) -> Option<Rela
     }
     let stop = &convergence.with_measured_bias(&state.stop);
     let total = convergence.error(stop, 1.0)?;
-    let mut interval = convergence.error_interval(&state.stop, 1.0);
-    if state.unseen_light().is_some() {
-        interval = interval.map(ErrorInterval::open_above);
-    }
     let noise = convergence.weighted_variance?.sqrt();
+    let interval = state.error_interval(convergence);
     Some(RelativeError { total, noise, bias: stop.bias2.sqrt(), interval })
 }

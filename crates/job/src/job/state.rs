@@ -9,10 +9,12 @@ use crate::output::checkpoint::{Checkpoint, ShardedImage};
 use crate::output::denoise::{Denoised, ErrorSummary};
 use bdpm_auto::adaptive::autopilot::Promise;
 use bdpm_auto::adaptive::count_policy::CountPolicy;
+use bdpm_auto::adaptive::error_interval::ErrorInterval;
 use bdpm_auto::adaptive::stopping::{Convergence, Stop, StoppedBy, importance};
-use bdpm_auto::adaptive::technique::{Revision, Selection};
+use bdpm_auto::adaptive::technique::{Alternatives, Selection};
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::film::cells::CellGrid;
+use bdpm_core::film::counts::Counts;
 use bdpm_core::render::Renderer;
 use bdpm_core::render::block::{Block, CombinedImage};
 use bdpm_core::render::combined_image::DerivedStatistics;
@@ -38,6 +40,13 @@ const ESTIMATE_PAUSE_SHARE: f64 = 0.02;
 /// Maximum share of these estimates in the time. Each is a pass over the image.
 const ESTIMATE_COST: f64 = 0.02;
 
+/// Iterations before their mean time tells that of the next.
+const FEW_ITERATIONS: u64 = 8;
+
+/// Factor on the time of an iteration that the pilot predicts: every second one is measured, and the
+/// audit takes its share.
+const TIME_MARGIN: f64 = 1.25;
+
 /// Estimates of the noise that take as long as the result at the end.
 const RESULT_ESTIMATES: f64 = 2.0;
 
@@ -59,8 +68,8 @@ pub struct RenderState {
     pub is_automatic: bool,
     /// The choice of the pilot, if it ran.
     pub selection: Option<Selection>,
-    /// What may still revise that choice.
-    pub(super) revision: Option<Revision>,
+    /// What may take its place if an audit refutes it.
+    pub(super) alternatives: Option<Alternatives>,
     /// The audit of the image, if there is one.
     pub audit: Option<Audit>,
     /// Work of this run.
@@ -119,16 +128,34 @@ impl RenderState {
     }
 
     /// Light that the scene may have, that no camera path finds, and of which no photon was stored:
-    /// too few light paths started to say that there is none. `None` without such light, and for
-    /// images that an earlier run began, whose photons are not known.
+    /// too few light paths started to say that there is none. `None` without such light. The photons
+    /// of an earlier run, and photons straight from lights, say nothing about it.
     pub fn unseen_light(&self) -> Option<CausticLight> {
         let settings = self.renderer.settings();
-        let is_known = !settings.has_photons()
-            || settings.direct == Direct::Connect && self.totals.light_paths < ENOUGH_LIGHT_PATHS;
-        if self.totals.found_caustics || self.earlier > 0.0 || !is_known {
+        let says_nothing = self.earlier > 0.0 || settings.direct != Direct::Connect;
+        let is_found = says_nothing
+            || self.totals.found_caustics
+            || self.totals.light_paths >= ENOUGH_LIGHT_PATHS;
+        if settings.has_photons() && is_found {
             return None;
         }
         CausticLight::of(self.renderer.scene_and_accel().0)
+    }
+
+    /// An interval of the error of the image, open above if the image may lack light.
+    pub(super) fn with_unseen_light(
+        &self,
+        interval: Option<ErrorInterval>,
+    ) -> Option<ErrorInterval> {
+        match self.unseen_light() {
+            Some(_) => interval.map(ErrorInterval::open_above),
+            None => interval,
+        }
+    }
+
+    /// Interval for the error of the image so far; `None` while it is not known.
+    pub fn error_interval(&self, convergence: &Convergence) -> Option<ErrorInterval> {
+        self.with_unseen_light(convergence.error_interval(&self.stop, 1.0))
     }
 
     /// The image so far: all blocks with their weights.
@@ -276,7 +303,11 @@ impl RenderState {
         if convergence.is_some_and(|now| now.is_good_enough(&self.stop)) {
             return Some(StoppedBy::Target);
         }
-        let mean = self.clock.rendering_time() / done.max(1) as f64;
+        let mean = match done {
+            // The first ones compute areas and measure, and later ones may do neither.
+            1..FEW_ITERATIONS => self.next_iteration() / f64::from(self.exchanged.ranks),
+            _ => self.clock.rendering_time() / done.max(1) as f64,
+        };
         let (blocks, elapsed) = (self.renderer.blocks().len(), self.elapsed().as_secs_f64());
         // Iterations of earlier blocks may have taken another time.
         let clock = &self.renderer.block().clock;
@@ -289,8 +320,20 @@ impl RenderState {
         let next = iteration_time * f64::from(self.exchanged.ranks);
         let result = RESULT_ESTIMATES * self.clock.estimate_time;
         let left = |time: Duration| time.as_secs_f64() - result - elapsed;
-        let is_over = time.is_some_and(|time| !has_time(left(time), next));
+        let is_over = time.is_some_and(|time| !has_time(left(time), next, time.as_secs_f64()));
         is_over.then_some(StoppedBy::Time)
+    }
+
+    /// Time of the next of few iterations, seconds: the latest one, or what the pilot predicts if
+    /// that is less.
+    fn next_iteration(&self) -> f64 {
+        let latest = self.clock.latest_iteration;
+        let Counts { light_paths, camera_paths } = &self.renderer.block().counts;
+        let predicted = self.selection.as_ref().map_or(f64::INFINITY, |selection| {
+            let times = selection.best().times;
+            TIME_MARGIN * times.iteration((*light_paths).into(), camera_paths.mean())
+        });
+        latest.min(predicted)
     }
 
     /// Estimates the error of the denoised image if that is due. Returns the error, and true if it
