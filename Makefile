@@ -9,7 +9,7 @@ FLAGS = --locked
 setup:
 	@scripts/setup.sh
 
-# Intel Open Image Denoise for `bdpm render --denoise`: optional, 53 MB.
+# Intel Open Image Denoise for noisy renders: optional, 53 MB.
 denoiser:
 	@scripts/denoiser.sh
 
@@ -21,6 +21,7 @@ build: setup
 	$(CARGO) build $(FLAGS) --release
 
 demo: build
+	@scripts/denoiser.sh || echo "images will not be denoised"
 	@mkdir -p out
 	$(CARGO) run $(FLAGS) --release --quiet -- \
 		render scenes/$(SCENE) --output out/$(SCENE).exr --time 20s

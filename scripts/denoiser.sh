@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Puts Intel Open Image Denoise 2, which `bdpm render --denoise` loads, into the git-ignored prefix .oidn: the official
+# Puts Intel Open Image Denoise 2, which `bdpm render` loads, into the git-ignored prefix .oidn: the official
 # library with its TBB as a Python wheel carries it, the parts for processors alone. Does nothing, quickly, when it is
 # there, or when OIDN_DIR names a folder that has it.
 set -euo pipefail

@@ -99,7 +99,8 @@ def with_bdpm(program, name, strategy, time, folder):
     assert text.count(plain) == 1, text
     (room / "scene.toml").write_text(text.replace(plain, f"ior = {{ d = {at_d}, abbe = {abbe} }}\n"))
     image = Path(folder) / "image.exr"
-    command = [program, "render", room, "--output", image, "--time", time, "--strategy", strategy, "--json", "--quiet"]
+    options = ["--time", time, "--strategy", strategy, "--no-denoise", "--json", "--quiet"]
+    command = [program, "render", room, "--output", image, *options]
     report = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     with OpenEXR.File(str(image)) as file:
         return np.asarray(file.channels()["RGB"].pixels, dtype=np.float64), report["error"]["total"]

@@ -74,7 +74,7 @@ def render_bdpm(options, path, size, seed):
         out = pathlib.Path(folder) / "image.exr"
         command = [options.bdpm, "render", str(path), "--output", str(out), "--time", f"{options.time}s"]
         command += ["--threads", str(options.threads), "--seed", str(seed), "--resolution", "{}x{}".format(*size)]
-        command += ["--layers", "none", "--json", "--quiet"]
+        command += ["--layers", "none", "--no-denoise", "--json", "--quiet"]
         start = time.perf_counter()
         run = subprocess.run(command, capture_output=True, text=True, check=True)
         seconds = time.perf_counter() - start

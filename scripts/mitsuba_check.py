@@ -90,7 +90,7 @@ def with_bdpm(path, size, seconds, seed, *options):
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "image.exr"
         command = [BDPM, "render", str(path), "--output", str(out), "--seed", str(seed), "--layers", "none", "--json"]
-        command += ["--quiet", "--threads", str(THREADS), "--time", f"{seconds}s", *options]
+        command += ["--quiet", "--no-denoise", "--threads", str(THREADS), "--time", f"{seconds}s", *options]
         if size:
             command += ["--resolution", f"{size[0]}x{size[1]}"]
         start = time.perf_counter()

@@ -40,6 +40,10 @@ render() {
         *) scene=scenes/$scene ;;
     esac
     seconds=$(bounded "$seconds")
+    case " $* " in
+        *" --denoise "*) ;;
+        *) set -- "$@" --no-denoise ;;
+    esac
     "$bdpm" render "$scene" --output "$work/$name.exr" --time "${seconds}s" --quiet --json "$@" >"$work/$name.json"
     echo "$name: commit $commit, bdpm render $(shown "$scene") --time ${seconds}s $*:" \
         "$("$picture" facts "$work/$name.json")"

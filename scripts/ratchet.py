@@ -12,6 +12,7 @@ does nothing else, after every change of choices, kernels or loops. 10 minutes, 
 """
 
 import argparse
+import functools
 import json
 import math
 import subprocess
@@ -60,6 +61,12 @@ def base_program(commit):
     return program, name
 
 
+@functools.cache
+def told(program):
+    """The options of a program: older ones denoise nothing that they are not asked to."""
+    return subprocess.check_output([str(program), "render", "--help"], text=True)
+
+
 def render(program, scene, size, seconds, seed):
     """Luminances of an image, its report, and what is wrong with it."""
     import numpy
@@ -69,6 +76,8 @@ def render(program, scene, size, seconds, seed):
         image = Path(folder) / "image.exr"
         begun = time.monotonic()
         options = ["--resolution", size, "--time", f"{seconds:g}s", "--seed", str(seed), "--layers", "none"]
+        if "--no-denoise" in told(program):
+            options.append("--no-denoise")
         command = [program, "render", scene, "--output", image, *options, "--json", "--quiet"]
         run = subprocess.run([str(part) for part in command], capture_output=True, text=True)
         took = time.monotonic() - begun

@@ -137,8 +137,7 @@ def _arguments(settings, image):
         arguments += ["--target-error", f"{settings.error:g}%"]
     if settings.use_time:
         arguments += ["--time", f"{max(settings.time, 0.1):.1f}s".replace(".0s", "s")]
-    if settings.use_denoising:
-        arguments.append("--denoise")
+    arguments.append("--denoise" if settings.use_denoising else "--no-denoise")
     if settings.threads:
         arguments += ["--threads", str(settings.threads)]
     if settings.use_iterations:

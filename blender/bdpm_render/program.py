@@ -13,7 +13,7 @@ from pathlib import Path
 
 NAME = "bdpm.exe" if sys.platform == "win32" else "bdpm"
 # What this add-on needs of the program, as its help says it.
-NEEDED = ("--progress", "--view", "--layers")
+NEEDED = ("--progress", "--view", "--layers", "--no-denoise")
 ADVICE = (
     "Install its Python wheel or build it from its source (cargo build --release), then give its path in "
     "Preferences > Add-ons > BDPM, or put it on the PATH"

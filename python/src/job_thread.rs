@@ -57,7 +57,8 @@ impl Shared {
         match event {
             Event::Warning(warning) => self.lock().warnings.push(warning),
             Event::Iterated(state) => self.iterated(state),
-            Event::Choosing(..) | Event::Started(_) | Event::Revised(_) | Event::Denoised(..) => {}
+            Event::Choosing(..) | Event::Started(_) | Event::Restarted(_) | Event::Denoised(..) => {
+            }
         }
         match self.interrupt.load(Ordering::Relaxed) {
             true => ControlFlow::Break(()),

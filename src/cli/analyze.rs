@@ -144,7 +144,7 @@ fn measure(args: &Args, input: &SceneInput) -> Result<RenderResult> {
                 progress.start();
             }
             Event::Iterated(state) => progress.update(state),
-            Event::Choosing(..) | Event::Revised(_) | Event::Denoised(..) => {}
+            Event::Choosing(..) | Event::Restarted(_) | Event::Denoised(..) => {}
         }
         ControlFlow::Continue(())
     })?;

@@ -73,9 +73,13 @@ pub struct Args {
     /// Check the image by path tracing for this share of the time [default: 5%]
     #[arg(long, value_name = "X%", value_parser = audit_share)]
     audit: Option<f64>,
-    /// Denoise the image and estimate its error; --target-error then applies to it
+    /// Denoise the image and estimate its error [default: if a time is given and noise shows];
+    /// --target-error then applies to it
     #[arg(long)]
     pub denoise: bool,
+    /// Leave the noise in the image
+    #[arg(long, conflicts_with = "denoise")]
+    no_denoise: bool,
     /// Add these layers to the image file [default: all]
     #[arg(long, value_name = "LAYER", value_delimiter = ',', value_parser = layer_parser())]
     pub layers: Vec<LayerName>,
@@ -237,9 +241,12 @@ impl Args {
             .settings(self.settings())
             .stop(self.stop())
             .aovs(self.aovs(matches!(start, ImageStart::Checkpoint(_))))
-            .denoise(self.denoise)
             .pixel_noise(self.noise.is_some())
             .shard(self.part);
+        let job = match (self.denoise, self.no_denoise) {
+            (false, false) => job.denoise_if_noisy(),
+            (denoise, _) => job.denoise(denoise),
+        };
         let job = match self.audit {
             Some(share) => job.audit(share),
             None => job,

@@ -57,12 +57,7 @@ impl<'a> RenderObserver<'a> {
                 self.announce_page(provenance);
             }
             Event::Started(state) => self.start(state),
-            Event::Revised(state) => {
-                if let Some(line) = verbose::revision(state) {
-                    self.progress.note(&line);
-                }
-                self.blocks = 0;
-            }
+            Event::Restarted(_) => self.blocks = 0,
             Event::Denoised(error, elapsed) => self.progress.note(&format!(
                 "denoised after {}: relative error {:.2} %",
                 human_time(elapsed.as_secs_f64()),
@@ -188,7 +183,7 @@ impl<'a> RenderObserver<'a> {
             verbose::at_end(&report).iter().for_each(|line| progress.note(line));
         }
         let form = (args.session.scene.json, args.session.quiet);
-        let text = reported(form, &report, || text(&report));
+        let text = reported(form, &report, || text(&report, args.verbose));
         drop(report);
         Ok(Output { text, failure: result.state.failure.take(), ..Output::default() })
     }

@@ -12,7 +12,9 @@ use bdpm::adaptive::autopilot::Promise;
 use bdpm::adaptive::error_interval::{COVERAGE, ErrorInterval};
 use bdpm::adaptive::stopping::StoppedBy;
 use bdpm::adaptive::technique::Selection;
-use bdpm::job::{AuditReport, DenoisedReport, RelativeError, RenderState, TimeForecast, Verdict};
+use bdpm::job::{
+    AuditReport, DENOISED_DECAY, DenoisedReport, RelativeError, RenderState, TimeForecast, Verdict,
+};
 use bdpm::render::bias_over_noise::BiasOverNoise;
 use bdpm::render::block::{Block, CombinedImage};
 use bdpm::render::findable_light::has_rare_sunlight;
@@ -170,25 +172,26 @@ pub fn rms_text(rms: f64, relative: f64) -> String {
     format!("pooled RMS {rms:.4}, {:.2} % of the mean luminance", 100.0 * relative)
 }
 
-/// The report in a few lines.
-pub fn text(report: &RenderReport) -> String {
+/// The report: what was rendered, its error, and what would help. With `is_verbose` also how it was
+/// rendered.
+pub fn text(report: &RenderReport, is_verbose: bool) -> String {
     let run = &report.run;
     let stopped = match run.stopped_by {
         StoppedBy::Interrupt => ", interrupted",
         StoppedBy::Failure => ", ended by an error",
         StoppedBy::Iterations | StoppedBy::Time | StoppedBy::Target => "",
     };
+    let iterations = if run.iterations == 1 { "iteration" } else { "iterations" };
     let mut text = format!(
-        "{} and {}: {} iterations in {}, {:.1} Mray/s, mean luminance {:.4}{stopped}\n",
+        "{} and {}: {} {iterations} in {}{stopped}\n",
         report.exr,
         report.png,
         run.iterations,
         human_time(run.seconds.total),
-        run.rays_per_second / 1e6,
-        run.mean_luminance
     );
-    text += &processes(run);
     text += &error(report);
+    text += &report.denoised.as_ref().map_or(String::new(), denoised);
+    text += &outlook(report);
     if let Some(unseen) = &report.unseen_light {
         text += &format!(
             "warning: no photon has shown any {unseen}; if there is such light, the image lacks it and \
@@ -196,10 +199,7 @@ pub fn text(report: &RenderReport) -> String {
              help: render longer without --strategy, --light-paths and --camera-paths\n"
         );
     }
-    text += &audit(report);
-    text += &report.denoised.as_ref().map_or(String::new(), denoised);
-    text += &report.technique.map_or(String::new(), technique);
-    text += &path_counts(report);
+    text += &audit(report, is_verbose);
     if let Some(bias) = report.merge_bias
         && bias.share_beyond_noise >= 0.01
     {
@@ -210,7 +210,41 @@ pub fn text(report: &RenderReport) -> String {
             bias.worst_over_noise
         );
     }
+    if is_verbose {
+        text += &format!(
+            "{:.1} Mray/s, mean luminance {:.4}\n",
+            run.rays_per_second / 1e6,
+            run.mean_luminance
+        );
+        text += &processes(run);
+        text += &report.technique.map_or(String::new(), technique);
+        text += &path_counts(report);
+    }
     text
+}
+
+/// The time that would halve the error of an image that a time ended, or state it.
+fn outlook(report: &RenderReport) -> String {
+    let run = &report.run;
+    if run.stopped_by != StoppedBy::Time || !report.automatic {
+        return String::new();
+    }
+    let Seconds { total, render, .. } = run.seconds;
+    let time = |factor: f64| human_time((total + (factor - 1.0) * render).ceil());
+    let Some(RelativeError { total: error, .. }) = report.error else {
+        return format!("its error would be known after {}\n", time(4.0));
+    };
+    let denoised = report.denoised.as_ref().filter(|own| !own.is_raw);
+    let (error, factor) = match denoised {
+        None => (error, 4.0),
+        Some(own) => match own.total_error {
+            Some(error) => (error, 4f64.powf(DENOISED_DECAY.recip())),
+            None => {
+                return format!("the error after denoising would be known after {}\n", time(4.0));
+            }
+        },
+    };
+    format!("an error of {:.2} % would take about {}\n", 50.0 * error, time(factor))
 }
 
 /// The relative error of the image, or the noise if the relative error is not known.
@@ -243,8 +277,9 @@ fn bias_name(report: &RenderReport) -> &'static str {
     }
 }
 
-/// The result of the audit, and what an earlier image was refuted for.
-fn audit(report: &RenderReport) -> String {
+/// The result of the audit, and what an earlier image was refuted for. Agreement is told if
+/// `is_verbose`.
+fn audit(report: &RenderReport, is_verbose: bool) -> String {
     let mut text = String::new();
     if let Some(refuted) = report.technique.and_then(|selection| selection.refuted.as_ref()) {
         text += &format!(
@@ -257,7 +292,8 @@ fn audit(report: &RenderReport) -> String {
     if let Some(audit) = report.audit {
         text += &match audit.warning() {
             Some(warning) => format!("warning: {warning}\n"),
-            None => format!("{}\n", audit.describe()),
+            None if is_verbose => format!("{}\n", audit.describe()),
+            None => String::new(),
         };
     }
     if let Some(reason) = report.without_audit {
@@ -302,8 +338,7 @@ fn denoised(report: &DenoisedReport) -> String {
             return "not denoised: the raw image has a small enough error, so it is the result\n"
                 .into();
         }
-        return "denoised; the error is not known: there was too little time or too few iterations\n"
-            .into();
+        return "denoised; the error afterward is not known after so few iterations\n".into();
     };
     let percent = |squared: f64| 100.0 * squared.max(0.0).sqrt();
     let mut text = format!(

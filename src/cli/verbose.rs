@@ -6,7 +6,7 @@ use super::render::Args;
 use super::render_report::{RenderReport, describe_counts};
 use super::run_report::Seconds;
 use super::scene_input::SceneInput;
-use bdpm::adaptive::technique::{Candidate, FreeParameters, Revised, Selection};
+use bdpm::adaptive::technique::{Candidate, FreeParameters, Selection};
 use bdpm::job::{JobOutline, RenderState};
 use bdpm::settings::{PartialSettings, Settings};
 use serde_json::Map;
@@ -22,7 +22,7 @@ pub fn at_start(args: &Args, input: &SceneInput, state: &RenderState) -> Vec<Str
         "read the scene in {load:.3}s, built the acceleration structure in {build:.3}s"
     )];
     if let Some(selection) = &state.selection {
-        lines.extend(candidates(selection, state.stop.time.is_some()));
+        lines.extend(candidates(selection));
     }
     let resolved = ResolvedSettings {
         settings: &state.provenance.settings,
@@ -48,46 +48,9 @@ pub fn before_render(args: &Args, input: &SceneInput, outline: &JobOutline) -> V
     lines
 }
 
-/// The line about an image that started again with other settings.
-pub fn revision(state: &RenderState) -> Option<String> {
-    let selection = state.selection.as_ref()?;
-    let Revised { after, instead_of } = selection.revised.as_ref()?;
-    let best = selection.best();
-    let radius = |of: &Candidate| match of.technique.strategy.has_photons() {
-        true => format!(", radius {:.4}", of.radius),
-        false => String::new(),
-    };
-    let outlook = |of: &Candidate| {
-        format!("error {:.2} % after {}", 100.0 * of.error, human_time(of.seconds))
-    };
-    Some(format!(
-        "started again after {}: {}{} ({}) instead of {}{} ({})",
-        human_time(*after),
-        best.technique.describe(),
-        radius(best),
-        outlook(best),
-        instead_of.technique.describe(),
-        radius(instead_of),
-        outlook(instead_of),
-    ))
-}
-
-/// The best candidates of the pilot with their predicted errors, and with the reason if they were
-/// compared by other errors, or by other times if no time ends the render.
-fn candidates(selection: &Selection, has_time: bool) -> Vec<String> {
+/// The best candidates of the pilot with their predicted errors.
+fn candidates(selection: &Selection) -> Vec<String> {
     let listed = &selection.candidates[..CANDIDATES.min(selection.candidates.len())];
-    // Equal penalties do not change the order.
-    let differ = listed.iter().any(|own| own.penalties.total() != listed[0].penalties.total());
-    let counted = |candidate: &Candidate| {
-        let (total, reasons) = (candidate.penalties.total(), candidate.penalties.reasons());
-        match differ && !reasons.is_empty() {
-            false => String::new(),
-            true if has_time => {
-                format!(" (counted as {:.2} %: {reasons})", 100.0 * candidate.error * total.sqrt())
-            }
-            true => format!(" (counted as {}: {reasons})", human_time(candidate.seconds * total)),
-        }
-    };
     let line = |(index, candidate): (usize, &Candidate)| {
         let [error, noise, bias] =
             [candidate.error, candidate.noise, candidate.bias].map(|share| 100.0 * share);
@@ -100,7 +63,7 @@ fn candidates(selection: &Selection, has_time: bool) -> Vec<String> {
             if index == 0 { "chosen" } else { "not chosen" },
             candidate.technique.describe(),
             human_time(candidate.seconds),
-            counted(candidate),
+            if candidate.tried { "" } else { " (predicted)" },
         )
     };
     listed.iter().enumerate().map(line).collect()
@@ -201,11 +164,11 @@ pub fn at_end(report: &RenderReport) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bdpm::adaptive::technique::{Penalties, Technique};
+    use bdpm::adaptive::technique::Technique;
     use bdpm::settings::{Direct, Kernel, Strategy};
     use bdpm::timing::TimeModel;
 
-    fn candidate(error: f64, penalties: Penalties) -> Candidate {
+    fn candidate(error: f64, tried: bool) -> Candidate {
         let technique = Technique {
             strategy: Strategy::Mis,
             merge_vertex: 2,
@@ -234,48 +197,24 @@ mod tests {
             noise: error,
             bias: 0.0,
             bias2_error: 0.0,
-            tried: penalties.untried == 1.0,
-            penalties,
+            tried,
             times,
         }
     }
 
     #[test]
-    fn smaller_error_that_was_not_chosen_has_its_reason() {
-        let untried = Penalties { untried: 4.0, ..Penalties::default() };
-        let selection = |penalties: [Penalties; 2]| Selection {
-            candidates: vec![candidate(0.132, penalties[0]), candidate(0.1074, penalties[1])],
+    fn candidates_that_were_not_tried_say_so() {
+        let selection = Selection {
+            candidates: vec![candidate(0.132, true), candidate(0.1074, false)],
             open: FreeParameters::ALL,
             guide: None,
             seconds: 1.0,
-            revised: None,
             refuted: None,
             refuted_trials: Vec::new(),
         };
-        let chosen = selection([Penalties::default(), untried]);
-        for (has_time, counted) in [(true, "21.48 %"), (false, "40s")] {
-            let lines = candidates(&chosen, has_time);
-            assert!(lines[0].starts_with("chosen: ") && !lines[0].contains("counted"), "{lines:?}");
-            let reason = format!("(counted as {counted}: it was never tried at these radii)");
-            assert!(
-                lines[1].starts_with("not chosen: ") && lines[1].ends_with(&reason),
-                "{lines:?}"
-            );
-        }
-        let merging = Penalties { merging: 1.4, ..Penalties::default() };
-        let equal = candidates(&selection([merging, merging]), true);
-        assert!(equal.iter().all(|line| !line.contains("counted")), "{equal:?}");
-    }
-
-    #[test]
-    fn candidates_of_older_files_have_no_penalties() {
-        let own = candidate(0.1, Penalties { untried: 4.0, ..Penalties::default() });
-        let mut json = serde_json::to_value(own).unwrap();
-        assert_eq!(json["penalties"]["untried"], 4.0);
-        assert_eq!(serde_json::from_value::<Candidate>(json.clone()).unwrap(), own);
-        json.as_object_mut().unwrap().remove("penalties");
-        let older: Candidate = serde_json::from_value(json).unwrap();
-        assert_eq!(older.penalties, Penalties::default());
+        let lines = candidates(&selection);
+        assert!(lines[0].starts_with("chosen: ") && lines[0].ends_with("0.00 %"), "{lines:?}");
+        assert!(lines[1].starts_with("not chosen: ") && lines[1].ends_with("(predicted)"));
     }
 
     #[test]

@@ -19,7 +19,7 @@ fn stdout(output: &Output) -> &str {
 fn path_tracing_reports_neither_radii_nor_guide_nor_light_paths() {
     let (folder, _) = folder();
     let options = ["--target-error", "20%", "--strategy", "path"];
-    let output = succeed(automatic(folder.path(), &options));
+    let output = succeed(automatic(folder.path(), &[&options[..], &["--verbose"]].concat()));
     let shown = stdout(&output);
     assert!(shown.contains(": path tracing without photons"), "{shown}");
     assert!(shown.contains(" camera paths per pixel in each iteration"), "{shown}");
@@ -36,7 +36,7 @@ fn path_tracing_reports_neither_radii_nor_guide_nor_light_paths() {
 #[test]
 fn merging_reports_radii_light_paths_and_one_measure_of_the_error() {
     let (folder, _) = folder();
-    let options = ["--target-error", "20%", "--strategy", "single"];
+    let options = ["--target-error", "20%", "--strategy", "single", "--verbose"];
     let output = succeed(automatic(folder.path(), &options));
     let shown = stdout(&output);
     for part in
@@ -60,10 +60,10 @@ fn result_has_one_time_and_json_has_its_parts() {
     let parts = seconds("pilot") + seconds("render");
     assert!(seconds("pilot") > 0.0 && seconds("render") > 0.0, "{report}");
     assert!(parts <= seconds("total"), "{report}");
-    let options = ["--time", "1s", "--objective", "pooled"];
+    let options = ["--time", "1s", "--objective", "pooled", "--verbose"];
     let output = succeed(automatic(folder.path(), &options));
     let shown = stdout(&output);
-    let total = shown.split(" iterations in ").nth(1).unwrap().split(',').next().unwrap();
+    let total = shown.split(" iterations in ").nth(1).unwrap().lines().next().unwrap();
     if let Some((_, promised)) = shown.split_once("promised after ") {
         let line = promised.lines().next().unwrap();
         assert!(line.ends_with(&format!(" in {total}")), "{total}: {shown}");
@@ -79,4 +79,16 @@ fn messages_appear_in_the_order_of_events() {
     let places =
         events.map(|event| shown.find(event).unwrap_or_else(|| panic!("{event}: {shown}")));
     assert!(places.is_sorted(), "{shown}");
+}
+
+/// Without `--verbose` the result is what was rendered, its error, and what would help.
+#[test]
+fn result_has_three_lines() {
+    let (folder, _) = folder();
+    let output = succeed(automatic(folder.path(), &["--time", "2s", "--no-denoise"]));
+    let lines: Vec<&str> = stdout(&output).lines().collect();
+    let [rendered, error, outlook] = lines[..] else { panic!("{lines:?}") };
+    assert!(rendered.contains(".exr and ") && rendered.contains(" iterations in "), "{rendered}");
+    assert!(error.starts_with("relative error "), "{error}");
+    assert!(outlook.starts_with("an error of ") && outlook.contains(" would take "), "{outlook}");
 }

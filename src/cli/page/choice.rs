@@ -83,9 +83,9 @@ fn disadvantage(best: &Candidate, other: &Candidate) -> String {
     } else if error > 1.0 + NOTABLE {
         format!("would have {error:.2} times the error")
     } else if error < 1.0 - NOTABLE {
-        let reason = match &other.penalties.reasons()[..] {
-            "" => "there was no time to try it".to_owned(),
-            reasons => reasons.to_owned(),
+        let reason = match other.tried {
+            true => "its noise looks more like spots",
+            false => "it was not tried at these radii",
         };
         format!("has a predicted error {error:.2} times as large, but {reason}")
     } else {

@@ -162,7 +162,7 @@ impl CountChooser<'_> {
         }
         let Settings { strategy, merge_vertex, .. } = *self.renderer.settings();
         let left: Vec<_> =
-            noise.iter().map(|own| left_by_denoiser(strategy, merge_vertex, *own)).collect();
+            noise.iter().map(|own| left_by_denoiser(strategy, merge_vertex, *own, 1.0)).collect();
         let Counts { light_paths, camera_paths } = &self.renderer.block().counts;
         let weights = self.stop.objective.weights(luminance);
         let variance = |cells: &[Coefficients]| {

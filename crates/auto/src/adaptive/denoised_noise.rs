@@ -12,10 +12,16 @@ use bdpm_core::settings::Strategy;
 /// 1/82 in rooms at 1280x720 (docs/measurements/denoising.md).
 const OF_SINGLE_PIXELS: f64 = 1.0 / 40.0;
 
-/// Share of the squared noise of photons that neighboring pixels share. It left 1/1.6 to 1/7
-/// (docs/measurements/denoising.md), but not of photons alone: they count in full. At a half, radii
-/// were so small that scenes/point-caustic had 17 % where it has 9 to 13 %.
-const OF_SHARED_PHOTONS: f64 = 1.0;
+/// Pixels that a denoiser averages.
+const AVERAGED: f64 = 1.0 / OF_SINGLE_PIXELS;
+
+/// Share of the noise of shared photons that an average over several pixels keeps: that of discs of
+/// this radius over the area that they then cover. A pixel sees a disc of radius `footprint`.
+pub fn kept_by_averages(radius: f64, footprint: f64) -> f64 {
+    let (disc, pixel) = (radius * radius, footprint * footprint);
+    let kept = (disc + pixel) / (disc + AVERAGED * pixel);
+    if kept.is_finite() { kept } else { 1.0 }
+}
 
 /// Whether photons are merged where the camera sees them, so that neighboring pixels share them.
 /// Later vertices are elsewhere for every camera path.
@@ -24,15 +30,19 @@ pub fn shares_photons(strategy: Strategy, merge_vertex: u32) -> bool {
 }
 
 /// Coefficients of the noise that is left of an image by this strategy after a denoiser, from those
-/// of the image.
+/// of the image. It keeps the share `kept` of the noise of shared photons: 1 for a denoiser, which
+/// takes discs of a few pixels for texture, and [`kept_by_averages`] for averages over as many pixels.
 pub fn left_by_denoiser(
     strategy: Strategy,
     merge_vertex: u32,
     Coefficients { a, b, f }: Coefficients,
+    kept: f64,
 ) -> Coefficients {
     let is_shared = shares_photons(strategy, merge_vertex);
-    let of_pairs = if is_shared { OF_SHARED_PHOTONS } else { OF_SINGLE_PIXELS };
-    Coefficients { a: of_pairs * a, b: OF_SINGLE_PIXELS * b, f: OF_SHARED_PHOTONS * f }
+    let of_pairs = if is_shared { kept } else { OF_SINGLE_PIXELS };
+    // The light paths that all pixels see change their light together.
+    let of_light = if is_shared { kept } else { 1.0 };
+    Coefficients { a: of_pairs * a, b: OF_SINGLE_PIXELS * b, f: of_light * f }
 }
 
 #[cfg(test)]
@@ -40,9 +50,17 @@ mod tests {
     use super::*;
 
     #[test]
+    fn averages_keep_discs_and_remove_grain() {
+        let kept = [0.0, 1.0, 4.0, 100.0].map(|radius| kept_by_averages(radius, 1.0));
+        assert_eq!(kept[0], OF_SINGLE_PIXELS, "a point is as small as a pixel");
+        assert!(kept.is_sorted() && kept[2] < 0.4 && kept[3] > 0.99, "{kept:?}");
+        assert_eq!(kept_by_averages(2.0, 0.0), 1.0, "pixels of no area see the same discs");
+    }
+
+    #[test]
     fn noise_of_camera_paths_vanishes_before_that_of_shared_photons() {
         let noise = Coefficients { a: 1.0, b: 1.0, f: 1.0 };
-        let left = |strategy, vertex| left_by_denoiser(strategy, vertex, noise);
+        let left = |strategy, vertex| left_by_denoiser(strategy, vertex, noise, 0.7);
         for (strategy, vertex) in [(Strategy::Single, 1), (Strategy::Mis, 2), (Strategy::CutMis, 2)]
         {
             let Coefficients { a, b, f } = left(strategy, vertex);

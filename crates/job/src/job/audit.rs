@@ -250,8 +250,8 @@ impl RenderState {
             left: self.stop.time.map(|time| (time.as_secs_f64() - elapsed).max(0.0)),
         };
         let Some(selection) = self.selection.clone() else { return Ok(false) };
-        let Some(revision) = &mut self.revision else { return Ok(false) };
-        let Some(again) = revision.without_refuted(&selection, time, report.square.sqrt()) else {
+        let Some(others) = &mut self.alternatives else { return Ok(false) };
+        let Some(again) = others.without_refuted(&selection, time, report.square.sqrt()) else {
             return Ok(false);
         };
         self.start_again(again)?;

@@ -1,6 +1,6 @@
 //! What a job renders and how: the methods of [`RenderJob`] before it runs.
 
-use super::{PlantedFailure, RenderJob, Shard, Start};
+use super::{Denoise, PlantedFailure, RenderJob, Shard, Start};
 use crate::output::checkpoint::Checkpoint;
 use bdpm_auto::adaptive::plan::Plan;
 use bdpm_auto::adaptive::stopping::Stop;
@@ -46,7 +46,7 @@ impl RenderJob {
             schedule: MeasureSchedule::default(),
             pixel_noise: false,
             aovs: AovSelection::default(),
-            denoise: false,
+            denoise: Denoise::Never,
             audit: None,
             shard: None,
             interrupt: Arc::default(),
@@ -162,7 +162,14 @@ impl RenderJob {
     /// Denoises the image. The conditions of [`Self::stop`] then apply to the denoised image.
     #[must_use]
     pub fn denoise(self, denoise: bool) -> Self {
-        Self { denoise, ..self }
+        Self { denoise: if denoise { Denoise::Always } else { Denoise::Never }, ..self }
+    }
+
+    /// Denoises the image if a time ends the render, its noise will be visible, and a denoiser is
+    /// installed. Images whose settings or path counts are given stay as they are.
+    #[must_use]
+    pub fn denoise_if_noisy(self) -> Self {
+        Self { denoise: Denoise::IfNoisy, ..self }
     }
 
     /// Checks the image by path tracing for this share of the time, or of the paths at fixed path

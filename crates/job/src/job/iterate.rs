@@ -11,6 +11,7 @@ use bdpm_core::base::error::{Error, Result};
 use bdpm_core::render::IterationReport;
 use std::ops::ControlFlow;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Renders until a stop condition holds, or the user or `observer` interrupts. An error after the
 /// first iteration ends the render with the image so far.
@@ -55,16 +56,6 @@ fn advance(
         return Err(Error::interrupted());
     }
     state.estimate_if_due()?;
-    match state.revise_choice() {
-        Ok(false) => {}
-        Ok(true) => {
-            let _ = observer(Event::Revised(state));
-            return Ok(ControlFlow::Continue(()));
-        }
-        Err(error) => {
-            let _ = observer(Event::Warning(format!("the technique is kept: {error}")));
-        }
-    }
     match state.look_at_audit() {
         Ok(Outcome::Nothing) => {}
         Ok(Outcome::Warned(warning)) => {
@@ -75,7 +66,7 @@ fn advance(
         }
         Ok(Outcome::Restarted(reason)) => {
             let _ = observer(Event::Warning(reason));
-            let _ = observer(Event::Revised(state));
+            let _ = observer(Event::Restarted(state));
             return Ok(ControlFlow::Continue(()));
         }
         Err(error) => {
@@ -114,6 +105,7 @@ fn iterate(
     if let Some(error) = state.policy.take_failure() {
         let _ = observer(Event::Warning(format!("the path counts are kept: {error}")));
     }
+    let (begun, areas) = (Instant::now(), state.renderer.area_work());
     let reports = state.attempt(Step::Iteration, |state| match leader {
         Some(leader) => leader.round(state),
         None => {
@@ -127,6 +119,9 @@ fn iterate(
             Ok(vec![(report, number)])
         }
     })?;
+    let areas =
+        state.renderer.area_work().since(areas).time / state.threads.current_num_threads() as u32;
+    state.clock.latest_iteration = begun.elapsed().saturating_sub(areas).as_secs_f64();
     for (report, number) in &reports {
         state.totals.add(report);
         if let Some(warning) = bad_pixel(state, report, *number) {

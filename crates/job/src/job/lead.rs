@@ -6,12 +6,12 @@ use super::run_clock::RunClock;
 use super::shard::ShardIterations;
 use super::state::RenderState;
 use super::status::{Exchanged, Status, Totals};
-use super::{Denoising, Event, Prepared, RenderJob, RenderResult, Start};
+use super::{Denoise, Denoising, Event, Prepared, RenderJob, RenderResult, Start};
 use super::{check_time, iterate, near_layers, pilot_end};
 use crate::mpi::Ranks;
 use bdpm_auto::adaptive::stopping::Stop;
 use bdpm_auto::adaptive::technique;
-use bdpm_auto::adaptive::technique::{Revision, Selection};
+use bdpm_auto::adaptive::technique::{Alternatives, Selection, VISIBLE_NOISE};
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::render::{RenderConfig, Renderer};
 use bdpm_core::settings::combinations;
@@ -21,6 +21,13 @@ use std::time::{Duration, Instant};
 
 /// Least share of the given time for rendering where the denoiser takes longer than the rest.
 const LEAST_RENDERING: f64 = 0.5;
+
+/// Maximum share of the given time for a denoiser that nobody asked for.
+const MOST_DENOISING: f64 = 0.2;
+
+fn takes_too_long(denoising: &Denoising, stop: &Stop) -> bool {
+    stop.time.is_some_and(|time| denoising.reserve() > time.mul_f64(MOST_DENOISING))
+}
 
 /// A job between its phases.
 struct Run {
@@ -32,11 +39,13 @@ struct Run {
     /// The iterations of the shard, if the job renders one.
     iterations: Option<ShardIterations>,
     denoising: Option<Denoising>,
+    /// Why a denoiser that might pay cannot run.
+    without_denoiser: Option<Error>,
     /// Time for the caller's work after the render.
     reserve: Duration,
     config: RenderConfig,
     selection: Option<Selection>,
-    revision: Option<Revision>,
+    alternatives: Option<Alternatives>,
 }
 
 impl RenderJob {
@@ -76,11 +85,26 @@ impl RenderJob {
         if let Some(iterations) = &iterations {
             stop.iterations = Some(iterations.assigned.count());
         }
-        let mut denoising = None;
-        if self.denoise {
+        let (mut denoising, mut without_denoiser) = (None, None);
+        if self.denoise == Denoise::IfNoisy && !self.may_denoise(scene) {
+            self.denoise = Denoise::Never;
+        }
+        if self.denoises() {
             let threads = threads.current_num_threads();
             let interrupt = Arc::clone(&self.interrupt);
-            denoising = Some(Denoising::new(threads, settings.resolution(), &stop, interrupt)?);
+            match Denoising::new(threads, settings.resolution(), &stop, interrupt) {
+                Ok(new) if self.denoise == Denoise::IfNoisy && takes_too_long(&new, &stop) => {
+                    self.denoise = Denoise::Never;
+                }
+                Ok(new) => denoising = Some(new),
+                Err(error) if self.denoise == Denoise::Always || error.is_interrupt() => {
+                    return Err(error);
+                }
+                Err(error) => {
+                    self.denoise = Denoise::Never;
+                    without_denoiser = Some(error);
+                }
+            }
         }
         let reserve = self.reserve_per_pixel * settings.pixels() as u32;
         if let Some(time) = &mut stop.time {
@@ -95,10 +119,11 @@ impl RenderJob {
             stop,
             iterations,
             denoising,
+            without_denoiser,
             reserve,
             config: RenderConfig { ranks: ranks.count(), ..RenderConfig::default() },
             selection: None,
-            revision: None,
+            alternatives: None,
         })
     }
 
@@ -137,35 +162,35 @@ impl RenderJob {
         let Prepared { threads, provenance, .. } = &mut run.prepared;
         let _ = observer(Event::Choosing(free, provenance));
         let (end, denoises) = (pilot_end(&run.stop), run.denoising.is_some());
-        let (chosen, may_revise) =
+        let (chosen, alternatives) =
             threads.install(|| technique::choose(&renderer, free, end, denoises))?;
-        let noise = may_revise.noise_before_denoising();
+        let (noise, pays) = (alternatives.noise_before_denoising(), alternatives.is_denoised());
         // Workers know only the settings of the start.
-        run.revision = (free.any() && is_alone).then_some(may_revise);
+        run.alternatives = (free.any() && is_alone).then_some(alternatives);
         provenance.settings = chosen.apply(&provenance.settings);
         run.stop = run.stop.with_pilot_bias2(chosen.best().bias.powi(2));
         if let (Some(time), Some(unused)) = (&mut run.stop.time, &run.denoising)
-            && !unused.can_pay(noise)
+            && !(unused.can_pay(noise) && (pays || self.denoise == Denoise::Always))
         {
             *time += unused.reserve();
             run.denoising = None;
-            let reason = format!("the noise will be {:.1} % without it", 100.0 * noise);
-            self.leave_out_denoising(&reason, observer);
+            let is_asked = self.denoise == Denoise::Always;
+            self.denoise = Denoise::Never;
+            if is_asked {
+                let noise = 100.0 * noise;
+                let reason = format!("the noise will be {noise:.1} % without it");
+                let warning = format!("the image will not be denoised: {reason}");
+                let _ = observer(Event::Warning(warning));
+            }
+        }
+        if let Some(error) = run.without_denoiser.take().filter(|_| noise > VISIBLE_NOISE) {
+            let warning = format!("the image will be noisy, and is not denoised: {error}");
+            let _ = observer(Event::Warning(warning));
         }
         let settings = provenance.settings.clone();
         let renderer = threads.install(|| renderer.with_settings(settings))?;
         run.selection = Some(chosen);
         Ok(renderer)
-    }
-
-    /// Renders the raw image, since denoising does not pay.
-    fn leave_out_denoising(
-        &mut self,
-        reason: &str,
-        observer: &mut impl FnMut(Event) -> ControlFlow<()>,
-    ) {
-        self.denoise = false;
-        let _ = observer(Event::Warning(format!("the image will not be denoised: {reason}")));
     }
 
     /// Checks that the first iterations fit in the time, if they are fixed.
@@ -223,7 +248,7 @@ impl RenderJob {
             stop,
             is_automatic,
             selection,
-            revision: run.revision,
+            alternatives: run.alternatives,
             denoising: run.denoising,
             audit: audit.flatten().map(|audit| audit.resumed(earlier.as_ref())),
             has_warned_of_audit: false,

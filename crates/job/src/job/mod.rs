@@ -31,7 +31,7 @@ mod worker;
 pub use audit::{Audit, DEFAULT_SHARE};
 pub use audit_report::{AuditReport, AuditedRegion, Verdict};
 pub(crate) use audit_report::{MIN_HITS, named_regions};
-pub use denoising::{DenoisedPromise, DenoisedReport, Denoising};
+pub use denoising::{DENOISED_DECAY, DenoisedPromise, DenoisedReport, Denoising};
 pub use outline::JobOutline;
 pub use result::{RelativeError, RenderResult};
 pub use shard::Shard;
@@ -122,13 +122,22 @@ pub struct RenderJob {
     schedule: MeasureSchedule,
     pixel_noise: bool,
     aovs: AovSelection,
-    denoise: bool,
+    denoise: Denoise,
     audit: Option<f64>,
     shard: Option<Shard>,
     interrupt: Arc<AtomicBool>,
     planted: Option<PlantedFailure>,
     /// Sums of the audit of the image that is resumed.
     audited: Option<AuditSums>,
+}
+
+/// Whether the image is denoised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Denoise {
+    Never,
+    /// If that is expected to pay.
+    IfNoisy,
+    Always,
 }
 
 /// Start of an image.
@@ -148,9 +157,8 @@ pub enum Event<'a> {
     Choosing(FreeParameters, &'a Provenance),
     /// The first iteration is about to start.
     Started(&'a RenderState),
-    /// The image started again with other settings, since its first iterations showed that they
-    /// leave less error.
-    Revised(&'a RenderState),
+    /// The image started again with another technique, since its audit refuted the first.
+    Restarted(&'a RenderState),
     /// The error of the denoised image was estimated, after this rendering time.
     Denoised(&'a ErrorSummary, Duration),
     /// An iteration is done, or with several processes a round of iterations.
@@ -324,6 +332,20 @@ impl RenderJob {
         time.map_or(most, |time| (VISIBILITY_RAYS_PER_SECOND * time.as_secs_f64()).min(most)) as u32
     }
 
+    fn denoises(&self) -> bool {
+        self.denoise != Denoise::Never
+    }
+
+    /// Whether an image may be denoised that nobody asked to denoise: what its samples tell is not
+    /// asked for, and a time ends the render.
+    fn may_denoise(&self, scene: &Scene) -> bool {
+        let Stop { iterations, time, target, error, .. } = self.stop;
+        let is_timed =
+            time.is_some() && iterations.is_none() && target.is_none() && error.is_none();
+        let is_whole = self.shard.is_none() && matches!(self.start, Start::New);
+        is_timed && is_whole && self.is_automatic() && !self.pixel_noise && scene.meters().is_none()
+    }
+
     fn stop_with_default(&self) -> Stop {
         let mut stop = self.stop;
         stop.iterations = stop.iterations.or(self.planned().and_then(Plan::iterations));
@@ -365,8 +387,8 @@ impl RenderJob {
         let halves = CameraPoints::are_used(settings)
             || audit.is_some() && settings.has_photons() && settings.bias == Bias::Keep;
         AovSelection {
-            features: self.aovs.features || self.denoise,
-            folds: self.aovs.folds || self.denoise,
+            features: self.aovs.features || self.denoises(),
+            folds: self.aovs.folds || self.denoises(),
             halves,
             ..self.aovs
         }
@@ -409,7 +431,7 @@ impl RenderJob {
             (None, None, Some(state)) => Autopilot::resume(state),
             (None, None, None) => return Ok(CountPolicy::Fixed(self.schedule)),
         };
-        let autopilot = autopilot.denoised(self.denoise);
+        let autopilot = autopilot.denoised(self.denoises());
         // Coefficients of single pixels belong to one pair of path counts.
         let autopilot = if self.pixel_noise { autopilot.uniform() } else { autopilot };
         let autopilot = match times {
@@ -456,7 +478,7 @@ impl RenderJob {
 
     /// Refuses a checkpoint that lacks layers of the job.
     fn check_kept(&self, kept: AovSelection) -> Result<()> {
-        let (missing, advice) = if self.denoise && !kept.folds {
+        let (missing, advice) = if self.denoises() && !kept.folds {
             ("the folds for the denoiser", "resume without denoising, or start a new image")
         } else if self.aovs.light && !kept.light || self.aovs.features && !kept.features {
             ("some of the layers", "resume without these layers, or start a new image")

@@ -1,7 +1,7 @@
 //! Outline of a job: what it would render, without rendering.
 
 use super::audit::AuditPace;
-use super::{Denoising, Prepared, RenderJob, Start, check_time};
+use super::{Denoise, Denoising, Prepared, RenderJob, Start, check_time};
 use crate::mpi::{Ranks, SingleProcess};
 use bdpm_auto::adaptive::stopping::Stop;
 use bdpm_auto::adaptive::technique::FreeParameters;
@@ -107,7 +107,7 @@ impl RenderJob {
         check_has_light(scene)?;
         self.time_model(provenance)?;
         self.batch_grain(&provenance.settings)?;
-        if self.denoise {
+        if self.denoise == Denoise::Always {
             let size = provenance.settings.resolution();
             let interrupt = Arc::clone(&self.interrupt);
             let threads = threads.current_num_threads();

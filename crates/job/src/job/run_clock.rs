@@ -15,6 +15,8 @@ pub(super) struct RunClock {
     /// Time of the latest estimate of the noise, seconds, and its duration.
     pub last_estimate: f64,
     pub estimate_time: f64,
+    /// Time of the latest iteration without that of new areas, seconds.
+    pub latest_iteration: f64,
     /// Time that the stop conditions leave out for the caller's work at the end.
     reserve: Duration,
 }
@@ -30,6 +32,7 @@ impl RunClock {
             forecasts: Vec::new(),
             last_estimate: 0.0,
             estimate_time: 0.0,
+            latest_iteration: 0.0,
             reserve,
         }
     }
@@ -47,11 +50,14 @@ impl RunClock {
     }
 }
 
-/// Whether to render another iteration that takes about `next` seconds if `left` seconds are left:
-/// at least half of it must be within the time.
+/// Maximum share of the time by which an iteration may end after it.
+const MOST_LATE: f64 = 0.03;
+
+/// Whether to render another iteration that takes about `next` seconds if `left` seconds of `all`
+/// are left: at least half of it must be within the time, and it must not end much later.
 // theory.md (92)
-pub(super) fn has_time(left: f64, next: f64) -> bool {
-    0.5 * next <= left
+pub(super) fn has_time(left: f64, next: f64, all: f64) -> bool {
+    0.5 * next <= left && next <= left + MOST_LATE * all
 }
 
 #[cfg(test)]
@@ -60,11 +66,12 @@ mod tests {
 
     #[test]
     fn iteration_starts_only_if_half_of_it_is_within_the_time() {
-        for (left, next, starts) in
-            [(3.0, 2.0, true), (1.0, 2.0, true), (0.9, 2.0, false), (-1.0, 0.5, false)]
-        {
-            assert_eq!(has_time(left, next), starts, "{left} {next}");
+        let cases = [(3.0, 2.0, true), (1.0, 2.0, true), (0.9, 2.0, false), (-1.0, 0.5, false)];
+        for (left, next, starts) in cases {
+            assert_eq!(has_time(left, next, 60.0), starts, "{left} {next}");
         }
+        // 1 s late is too late for 20 s.
+        assert!(!has_time(3.0, 4.0, 20.0) && has_time(3.5, 4.0, 20.0));
     }
 
     #[test]

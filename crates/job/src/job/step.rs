@@ -14,9 +14,7 @@ pub enum Step {
     Iteration,
     /// Estimates noise and bias.
     Estimate,
-    /// Checks the choice of the pilot, and starts the image again.
-    Revision,
-    /// Compares the image with its audit.
+    /// Compares the image with its audit, and starts it again if that refutes it.
     Audit,
     /// Denoises the image and estimates the error of the result.
     Denoising,
@@ -30,7 +28,6 @@ impl fmt::Display for Step {
             Self::Preparation => "the choice of path counts",
             Self::Iteration => "an iteration",
             Self::Estimate => "the estimate of the noise",
-            Self::Revision => "the revision of the technique",
             Self::Audit => "the audit",
             Self::Denoising => "denoising",
             Self::Result => "the error of the result",

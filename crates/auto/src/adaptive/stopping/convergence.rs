@@ -5,7 +5,9 @@ use crate::adaptive::error_interval::{ErrorInterval, SquaredPart};
 use crate::adaptive::optimize::Objective;
 use bdpm_core::film::radiance::total;
 use bdpm_core::film::windows::sum_of_squared_sums;
+use bdpm_core::noise::Coefficients;
 use bdpm_core::noise::merge_bias::UPPER_BOUND;
+use bdpm_core::render::block;
 use bdpm_core::render::block::{Block, CombinedImage};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -46,6 +48,24 @@ fn weighted_deviation(values: &[f64], importance: &[f64], size: (u32, u32)) -> f
     let weighted: Vec<f64> = values.par_iter().zip(importance).map(|(v, w)| v * w).collect();
     sum_of_squared_sums(&weighted, size).sqrt() / values.len() as f64
 }
+
+/// Variance of each cell of an image of one iteration, by what that iteration has measured; `None`
+/// for other images. Its pairs of paths tell the variance before a second iteration does. theory.md
+/// (2)
+fn by_law(blocks: &[Block]) -> Option<Vec<f64>> {
+    let [Block { film, counts, .. }] = blocks else { return None };
+    if film.iterations != 1 {
+        return None;
+    }
+    let of_cell = |own: &Coefficients| {
+        own.variance(f64::from(counts.light_paths), counts.camera_paths.mean())
+    };
+    Some(block::coefficients(blocks)?.par_iter().map(of_cell).collect())
+}
+
+/// Standard deviation of a variance by the law from one iteration, relative to it: rare light is
+/// missing.
+const BY_LAW: f64 = 0.5;
 
 /// Forecast of the end of a render.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -99,8 +119,11 @@ impl Convergence {
         // The change by the correction is an estimate, too. If it exceeds the variance, it is not
         // used.
         let weighted_variance = image_variance.as_deref().map(mean_of);
-        let weighted_variance =
-            weighted_variance.filter(|variance| *variance > 0.0).or(uncorrected);
+        let weighted_variance = weighted_variance
+            .filter(|variance| *variance > 0.0)
+            .or(uncorrected)
+            .or_else(|| by_law(blocks).map(|variance| mean_of(&variance)))
+            .filter(|variance| *variance >= 0.0);
         // Bias correction scales the variance of the image. Scale that of one iteration by the same
         // factor.
         let noise_factor = match (weighted_variance, uncorrected) {
@@ -179,8 +202,11 @@ impl Convergence {
     /// Interval for [`Self::error`]; `None` while the error of the noise is not known.
     pub fn error_interval(&self, stop: &Stop, left: f64) -> Option<ErrorInterval> {
         let noise2 = self.weighted_variance.filter(|_| stop.objective == Objective::Relative)?;
-        let (variance, error) = self.variance?;
-        let estimate = if variance > 0.0 { error / variance } else { 0.0 };
+        let estimate = match self.variance {
+            Some((variance, error)) if variance > 0.0 => error / variance,
+            Some(_) => 0.0,
+            None => BY_LAW,
+        };
         let relative = self.noise_spread.hypot(estimate);
         let value = noise2 * left;
         let noise = SquaredPart { value, deviation: value * relative };
@@ -248,6 +274,10 @@ impl Convergence {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bdpm_core::noise::Measure;
+    use bdpm_core::render::Renderer;
+    use bdpm_core::scene::backend::{Backend, build};
+    use bdpm_core::settings::Settings;
     use std::time::Duration;
 
     fn convergence(iterations: u64, variance: f64, error: f64) -> Convergence {
@@ -274,6 +304,37 @@ mod tests {
         let unknown =
             Convergence { variance: None, weighted_variance: None, ..convergence(32, 0.0, 0.0) };
         assert!(!unknown.reaches(target));
+    }
+
+    /// The variance of one iteration, by its own pairs and by the samples of many.
+    #[test]
+    fn one_iteration_knows_its_noise() {
+        let loaded =
+            bdpm_load::load(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/cornell-box"));
+        let loaded = loaded.unwrap();
+        let own = Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
+        let counts = Settings { light_paths: 2000, camera_paths: 3, ..own.unwrap() };
+        let accel = build(Backend::Bvh, &loaded.scene).unwrap();
+        let ones = vec![1.0; 24 * 18];
+        let variance = |seed, iterations| {
+            let own = Settings { width: 24, height: 18, seed, sobol_set: 1, ..counts.clone() };
+            let mut renderer = Renderer::new(&loaded.scene, &accel, own).unwrap();
+            for number in 0..iterations {
+                let measure = if number == 0 { Measure::Pairs } else { Measure::Off };
+                renderer.iterate(measure);
+            }
+            let weights = vec![1.0];
+            let now = Convergence::new(renderer.blocks(), weights, &ones);
+            assert_eq!(now.variance.is_none(), iterations == 1);
+            now.weighted_variance.unwrap() * iterations as f64
+        };
+        let of_one: Vec<f64> = (1..=24).map(|seed| variance(seed, 1)).collect();
+        let mean = of_one.iter().sum::<f64>() / 24.0;
+        let squares = of_one.iter().map(|own| (own - mean).powi(2)).sum::<f64>();
+        let error = (squares / (24.0 * 23.0)).sqrt();
+        let sampled = variance(100, 400);
+        assert!((mean - sampled).abs() < 4.0 * error + 0.03 * sampled, "{mean} {error} {sampled}");
+        assert!(error < 0.1 * mean, "the test would pass for any estimate");
     }
 
     #[test]

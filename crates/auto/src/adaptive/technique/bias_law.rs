@@ -85,9 +85,10 @@ impl BiasPrior {
         Self { square, spread: PRIOR_SPREAD * square, falls_to, minimum: share * square }
     }
 
-    /// The prior with this standard deviation, relative to its mean.
-    pub fn with_spread(self, spread: f64) -> Self {
-        Self { spread: spread * self.square, ..self }
+    /// What trials at other radii tell about this one, with a spread of at least their own size.
+    pub fn by_law(self, law: &BiasLaw, radius: f64) -> Self {
+        let [square, error] = law.at(radius);
+        Self { square, spread: error.max(PRIOR_SPREAD * square), falls_to: law.falls_to, ..self }
     }
 }
 

@@ -2,14 +2,14 @@
 //! to.
 
 use super::start_up::StartUp;
-use super::{Candidate, End, FreeParameters, Penalties, Technique};
+use super::{Candidate, End, FreeParameters, Technique};
 use crate::adaptive::count_choice::{least_light_paths, min_iterations_after_choice};
 use crate::adaptive::denoised_noise::left_by_denoiser;
 use crate::adaptive::stopping::{MIN_ITERATIONS_TO_TARGET, MIN_NOISE_SHARE};
 use crate::timing::TimeModel;
 use bdpm_core::noise::Coefficients;
 use bdpm_core::render::bias_correction::shrinkage;
-use bdpm_core::settings::Settings;
+use bdpm_core::settings::{Settings, Strategy};
 use bdpm_core::transport::kernel::ByClass;
 use bdpm_core::transport::photon::PhotonClass;
 
@@ -26,10 +26,30 @@ pub const CAMERA_STEPS: [u32; 15] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 9
 /// adds noise to these pixels alone. Fixed by trial.
 const BIASED_PIXELS: f64 = 0.15;
 
-/// Iterations below which the error of an image is hardly known, and an image may take longer than
-/// its time. Candidates with fewer are chosen only if their error is less by the square of what is
-/// missing: large images in a short time, whose first iteration computes all areas.
-const MIN_KNOWN_ITERATIONS: f64 = 4.0;
+/// Iterations below which the error of an image is hardly known, and an image ends early or takes
+/// longer than its time. Candidates with fewer are chosen only if their squared error is less by the fourth power
+/// of what is missing: large images in a short time, whose first iteration computes all areas.
+const MIN_KNOWN_ITERATIONS: f64 = 2.0;
+
+/// Relative RMS noise from which on spots count in full, where the image is not denoised. At a tenth
+/// of it nobody sees them.
+pub const VISIBLE_NOISE: f64 = 0.1;
+
+/// Relative RMS noise below which denoising does not pay: the time of the denoiser adds more noise
+/// than its result removes. Measured: docs/measurements/denoising.md.
+pub const LEAST_DENOISED_NOISE: f64 = 0.025;
+
+/// Variance of an image over what a denoiser is expected to leave, from which on denoising pays.
+const LEAST_DENOISED_SHARE: f64 = 2.0;
+
+/// Iterations of merging at the first vertex before its photons no longer look like spots. With
+/// fewer its noise counts by the square of what is missing, where it is visible: no trial sees
+/// enough of the photons that make spots.
+const FEW_SPOTTED: f64 = 8.0;
+
+/// Weight of the squared error after averaging over several pixels, beside that of single pixels.
+/// Grain vanishes in averages, and discs of shared photons stay.
+const SPOTS: f64 = 4.0;
 
 /// Goal of the render, and the limits of the choice.
 #[derive(Clone, Copy, Debug)]
@@ -90,8 +110,10 @@ pub struct Best {
     bias2: f64,
     bias2_error: f64,
     times: TimeModel,
-    /// Variance before denoising over the variance that counts.
+    /// Variance before denoising over `noise2`.
     before_denoising: f64,
+    /// Factor on `noise2` where candidates are compared.
+    seen: f64,
     /// Whether a trial has measured the technique at these radii.
     pub tried: bool,
 }
@@ -156,6 +178,7 @@ impl CandidateCost {
                 bias2_error: merged.iter().map(|m| m.error * m.error).sum::<f64>().sqrt(),
                 times: *times,
                 before_denoising: 1.0,
+                seen: 1.0,
                 tried: false,
             };
             if best.is_none_or(|best| own.rank(self) < best.rank(self)) {
@@ -211,30 +234,42 @@ impl CandidateCost {
         }
     }
 
-    /// The best counts for the noise that counts, from the coefficients of the image.
+    /// The best counts for the noise that counts, from the coefficients of the image. Averages over
+    /// several pixels keep the share `blur` of the noise of shared photons.
     pub fn evaluate_image(
         &self,
-        technique: Technique,
+        (technique, blur): (Technique, f64),
         image: &Coefficients,
         time: &RenderTime,
         merged: &ByClass<ClassBias>,
         radii: ByClass<f64>,
     ) -> Best {
-        let counts = self.noise_that_counts(technique, *image);
-        let best = self.evaluate(&counts, time, merged, radii);
-        let variance = |own: &Coefficients| {
+        let Technique { strategy, merge_vertex, .. } = technique;
+        let [left, averaged] =
+            [1.0, blur].map(|kept| left_by_denoiser(strategy, merge_vertex, *image, kept));
+        let variance = |own: &Coefficients, best: &Best| {
             own.clamped().variance(best.light_paths, f64::from(best.camera_paths))
         };
-        let more = variance(image) / variance(&counts);
-        Best { before_denoising: if more >= 1.0 { more } else { 1.0 }, ..best }
-    }
-
-    /// Coefficients of the noise that counts, from those of the image.
-    fn noise_that_counts(&self, technique: Technique, noise: Coefficients) -> Coefficients {
-        match self.denoises {
-            true => left_by_denoiser(technique.strategy, technique.merge_vertex, noise),
-            false => noise,
+        let raw = self.evaluate(image, time, merged, radii);
+        if self.denoises {
+            let best = self.evaluate(&left, time, merged, radii);
+            let before_denoising = variance(image, &best) / variance(&left, &best);
+            let best = Best { before_denoising, ..best };
+            let is_noisy = best.noise_before_denoising() > LEAST_DENOISED_NOISE;
+            if is_noisy && before_denoising > LEAST_DENOISED_SHARE {
+                return best;
+            }
         }
+        let spots = SPOTS * (raw.noise2 / VISIBLE_NOISE.powi(2)).min(1.0).powi(2);
+        let counts = *image + averaged * spots;
+        let best = self.evaluate(&counts, time, merged, radii);
+        let seen = variance(&counts, &best) / variance(image, &best);
+        let seen = if seen >= 1.0 { seen } else { 1.0 };
+        let is_spotted = (strategy, merge_vertex) == (Strategy::Single, 1)
+            && raw.is_noise_visible()
+            && matches!(self.end, End::Time(_));
+        let few = if is_spotted { (FEW_SPOTTED / best.iterations).max(1.0) } else { 1.0 };
+        Best { noise2: best.noise2 / seen, seen: seen * few.powi(2), ..best }
     }
 
     /// Noise that the correction adds, and bias that it leaves, for a class of photons. `variance`
@@ -288,7 +323,7 @@ impl Best {
             // The error of too few iterations is not known.
             End::Time(_) => {
                 let few = (MIN_KNOWN_ITERATIONS / self.iterations).max(1.0);
-                (self.noise2 + self.bias2) * few.powi(2)
+                (self.seen * self.noise2 + self.bias2) * few.powi(4)
             }
             // The fourth power prefers less bias where no time is long enough.
             End::Error(error) => self.seconds * (self.bias2 / (error * error)).max(1.0).powi(4),
@@ -308,8 +343,18 @@ impl Best {
         }
     }
 
+    /// The same, measured at its radii or not.
+    pub fn tried(self, tried: bool) -> Self {
+        Self { tried, ..self }
+    }
+
+    /// The same with this relative bias in addition.
+    pub fn with_bias(self, bias: f64) -> Self {
+        Self { bias2: self.bias2 + bias * bias, ..self }
+    }
+
     /// The candidate that the program reports.
-    pub fn scored(&self, technique: Technique, penalties: Penalties) -> Candidate {
+    pub fn scored(&self, technique: Technique) -> Candidate {
         let Self { radii, camera_paths, seconds, noise2, bias2, bias2_error, times, tried, .. } =
             *self;
         let medium_scale = self.medium_scale;
@@ -327,13 +372,27 @@ impl Best {
             bias2_error,
             times,
             tried,
-            penalties,
         }
     }
 
     /// Noise of the image before it is denoised, relative.
     pub fn noise_before_denoising(&self) -> f64 {
         (self.noise2 * self.before_denoising).sqrt()
+    }
+
+    /// Whether noise is visible in the image, before it is denoised.
+    pub fn is_noise_visible(&self) -> bool {
+        self.noise_before_denoising() > VISIBLE_NOISE
+    }
+
+    /// Whether a denoiser is expected to remove most of the noise.
+    pub fn is_denoised(&self) -> bool {
+        self.before_denoising > 1.0
+    }
+
+    /// The best number of light paths.
+    pub fn light_paths(&self) -> f64 {
+        self.light_paths
     }
 
     /// Times of an iteration of the image.
@@ -343,7 +402,7 @@ impl Best {
 
     /// Settings of a trial at these radii.
     pub fn settings(&self, settings: &Settings, technique: Technique) -> Settings {
-        self.scored(technique, Penalties::default()).apply(settings)
+        self.scored(technique).apply(settings)
     }
 }
 
@@ -352,7 +411,7 @@ pub mod tests {
     use super::*;
     use crate::adaptive::count_choice::MIN_ITERATIONS_AFTER_CHOICE;
     use crate::adaptive::technique::start_up::tests::constant;
-    use bdpm_core::settings::{Direct, Kernel, Strategy};
+    use bdpm_core::settings::{Direct, Kernel};
 
     /// Times of an iteration for the tests of this folder.
     pub fn times() -> TimeModel {
@@ -394,7 +453,7 @@ pub mod tests {
         let seconds = 100.0;
         for denoises in [false, true] {
             let demand = CandidateCost { denoises, ..demand(End::Time(seconds)) };
-            let best = demand.evaluate_image(technique, &image, &time(), &merged, [1.0; 2]);
+            let best = demand.evaluate_image((technique, 1.0), &image, &time(), &merged, [1.0; 2]);
             let (n_light, n_camera) = (best.light_paths, f64::from(best.camera_paths));
             let share = times().iteration(n_light, n_camera) / seconds;
             let expected = (share * image.variance(n_light, n_camera)).sqrt();
@@ -450,7 +509,7 @@ pub mod tests {
         assert!(enough.iterations > 1.5 && enough.light_paths < many.light_paths, "{enough:?}");
         let few = with(100.0 - 0.3 * tau);
         assert!((1.0..MIN_KNOWN_ITERATIONS).contains(&few.iterations), "{few:?}");
-        let expected = (few.noise2 + few.bias2) * (MIN_KNOWN_ITERATIONS / few.iterations).powi(2);
+        let expected = (few.noise2 + few.bias2) * (MIN_KNOWN_ITERATIONS / few.iterations).powi(4);
         assert!((few.rank(&demand) / expected - 1.0).abs() < 1e-9, "{few:?}");
         // A shorter time has fewer iterations, and more noise.
         let later = CandidateCost { end: End::Time(25.0), ..demand };

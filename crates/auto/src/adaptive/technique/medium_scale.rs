@@ -163,11 +163,12 @@ impl Pilot<'_> {
         let scales = ScaleModel::new(model, best, [small, large], weights, self.scale());
         let at = |scale: f64| {
             let coefficients = scales.coefficients(scale);
-            let time = RenderTime { times: scales.times(scale), start_up: model.start_up };
+            let start_up = model.time(best.radii).start_up;
+            let time = RenderTime { times: scales.times(scale), start_up };
             let merged = scales.merged(scale);
             let demand = CandidateCost { medium_scale: scale, ..self.demand };
-            let mut own =
-                demand.evaluate_image(model.technique, &coefficients, &time, &merged, best.radii);
+            let own = (model.technique, model.blur(best.radii));
+            let mut own = demand.evaluate_image(own, &coefficients, &time, &merged, best.radii);
             own.tried = best.tried;
             own
         };

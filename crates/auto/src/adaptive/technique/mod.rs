@@ -4,29 +4,29 @@
 //! A pilot beside the image (`pilot.rs`) tries each strategy on a sample of the pixels
 //! (`trial_runner.rs`): at the radii of the settings, and at a large radius, where the merge bias
 //! stands out from the noise. From these trials a model predicts noise, bias and time at all radii
-//! (`model.rs`, `bias_law.rs`). The candidate with the lowest cost (`candidate_cost.rs`) is then
-//! tried at the radii that were chosen for it. See theory.md, section 22a.
+//! (`model.rs`, `bias_law.rs`). The candidates with the lowest costs (`candidate_cost.rs`) then race
+//! at the radii and path counts that were chosen for them (`race.rs`). See theory.md, section 22a.
 
+mod alternatives;
 mod bias_law;
 mod candidate_cost;
 mod candidates;
 mod compared_trials;
+mod lane;
 mod medium_scale;
 mod model;
-mod penalties;
 mod pilot;
-mod revision;
+mod race;
 mod seen_surfaces;
 mod start_up;
 mod trial;
 mod trial_runner;
 
-pub use penalties::Penalties;
-pub use revision::{Refuted, Revised, Revision, TimeShare};
+pub use alternatives::{Alternatives, Refuted, TimeShare};
+pub use candidate_cost::{LEAST_DENOISED_NOISE, VISIBLE_NOISE};
 
 use crate::timing::TimeModel;
 use bdpm_core::base::error::Result;
-use bdpm_core::film::cells::CellGrid;
 use bdpm_core::render::Renderer;
 use bdpm_core::settings::{
     Bias, Direct, Kernel, MAX_LIGHT_PATHS, MIN_SETS, MediumQuery, Settings, Strategy,
@@ -37,11 +37,7 @@ use bdpm_core::transport::photon::PhotonClass;
 use serde::{Deserialize, Serialize};
 
 /// Share of the given time that the pilot takes.
-const PILOT_SHARE: f64 = 0.07;
-
-/// Share of the given time that the pilot of a large image takes, whose own iterations soon measure
-/// more.
-const LARGE_PILOT_SHARE: f64 = 0.05;
+const PILOT_SHARE: f64 = 0.1;
 
 /// Minimum time of the pilot, seconds, unless that exceeds [`MAX_PILOT_SHARE`]. A shorter pilot
 /// measures too little.
@@ -151,10 +147,6 @@ impl FreeParameters {
         }
     }
 
-    fn any_radius(&self) -> bool {
-        self.radius || self.caustic_radius
-    }
-
     /// Whether to correct the merge bias: yes, unless the settings decide.
     fn bias(&self, settings: &Settings) -> Bias {
         if self.bias { Bias::Reduce } else { settings.bias }
@@ -189,10 +181,6 @@ pub struct Candidate {
     pub bias2_error: f64,
     /// Whether a trial measured it at these radii.
     pub tried: bool,
-    /// Factors on its squared error where the pilot compared it with others. The predicted errors
-    /// are without them.
-    #[serde(default)]
-    pub penalties: Penalties,
     /// Times of an iteration of the image, from trials on a sample of it.
     pub times: TimeModel,
 }
@@ -208,8 +196,6 @@ pub struct Selection {
     pub guide: Option<Guided>,
     /// Time of the pilot, seconds.
     pub seconds: f64,
-    /// The revision of the choice by the image's first iterations, if there was one.
-    pub revised: Option<Revised>,
     /// The latest technique that an audit of the image refuted, if there is one.
     #[serde(default)]
     pub refuted: Option<Refuted>,
@@ -372,7 +358,7 @@ pub enum End {
 ///
 /// Where no time is given, a short pilot predicts it, and a longer pilot follows if the time is
 /// long enough. The pilot runs in this process alone, whatever the number of `RenderConfig::ranks`.
-/// Returns the choice, and what may revise it once the image has rendered its first iterations.
+/// Returns the choice, and what may take its place if the audit of the image refutes it.
 /// If the image is denoised, what counts is the noise that is left.
 ///
 /// # Errors
@@ -382,25 +368,23 @@ pub fn choose(
     open: FreeParameters,
     end: End,
     denoises: bool,
-) -> Result<(Selection, Revision)> {
+) -> Result<(Selection, Alternatives)> {
     let pilot = |budget| pilot::run(renderer, open, end, budget, denoises);
     let part = if open.any() { 1.0 } else { COUNTS_ONLY };
-    let is_large = !CellGrid::of(renderer.settings().resolution()).is_single_pixels();
-    let pilot_share = if is_large { LARGE_PILOT_SHARE } else { PILOT_SHARE };
     let share = |time: f64| {
         let least = MIN_PILOT_TIME.min(MAX_PILOT_SHARE * time);
-        part * (pilot_share * time).max(least).min(MAX_PILOT_TIME)
+        part * (PILOT_SHARE * time).max(least).min(MAX_PILOT_TIME)
     };
     match end {
         End::Time(time) => pilot(share(time)),
         End::Error(_) => {
-            let (first, revision) = pilot(FIRST_PILOT_TIME)?;
+            let (first, alternatives) = pilot(FIRST_PILOT_TIME)?;
             let budget = share(first.best().seconds / f64::from(renderer.config().ranks));
             if budget < LONGER_PILOT * FIRST_PILOT_TIME {
-                return Ok((first, revision));
+                return Ok((first, alternatives));
             }
-            let (again, revision) = pilot(budget)?;
-            Ok((Selection { seconds: first.seconds + again.seconds, ..again }, revision))
+            let (again, alternatives) = pilot(budget)?;
+            Ok((Selection { seconds: first.seconds + again.seconds, ..again }, alternatives))
         }
     }
 }

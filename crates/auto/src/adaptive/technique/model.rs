@@ -9,9 +9,9 @@
 use super::Technique;
 use super::bias_law::{BiasLaw, BiasPrior};
 use super::candidate_cost::{Best, CandidateCost, ClassBias, RenderTime};
-use super::start_up::StartUp;
+use super::start_up::{StartUp, StartUpLaw};
 use super::trial::Trial;
-use crate::adaptive::stopping::PILOT_SPREAD;
+use crate::adaptive::denoised_noise::kept_by_averages;
 use crate::timing::TimeModel;
 use bdpm_core::film::annulus::left_at_half;
 use bdpm_core::noise::Coefficients;
@@ -38,6 +38,9 @@ const RADIUS_STEPS: Range<i32> = 0..9;
 /// of 0 the radius of that class would cost nothing.
 const MINIMUM_PART: f64 = 0.05;
 
+/// Radii of merges, in pixels, from which on few photons are seen as discs.
+const DISC_PIXELS: f64 = 4.0;
+
 /// Pixels that must have received photons before a trial is trusted without the model: a photon map
 /// that few pixels see looks less noisy than it is.
 pub const ENOUGH_FOUND: f64 = 64.0;
@@ -52,6 +55,7 @@ pub struct ImageScale {
 }
 
 /// Noise, bias and time of a technique as functions of the radii.
+#[derive(Clone, Debug)]
 pub struct Model {
     /// The technique.
     pub technique: Technique,
@@ -70,9 +74,8 @@ pub struct Model {
     footprint: f64,
     /// Times of an iteration, with the time per pair divided by the squared lookup radius.
     times: TimeModel,
-    /// Start-up of the image: that of the first trial, because smaller spheres have more cells with
-    /// fewer triangles in each.
-    pub start_up: Option<StartUp>,
+    /// Start-up of the image.
+    start_up: StartUpLaw,
 }
 
 /// What the iterations of an image have measured of its technique.
@@ -137,7 +140,9 @@ impl Model {
             is_one_trial: trials.len() == 1,
             footprint,
             times: mean_times(trials),
-            start_up: trials[0].start_up,
+            start_up: StartUpLaw::of(trials.iter().filter_map(|trial| {
+                Some((trial.radii[EVERY].max(trial.radii[LAST]), trial.start_up?))
+            })),
         }
     }
 
@@ -149,6 +154,30 @@ impl Model {
         let pairs = over(&self.pairs, 0.0);
         let f = over(&self.light, self.footprint.powi(2)).min(pairs);
         Coefficients { a: pairs - f, b: self.camera, f }.clamped()
+    }
+
+    /// The best counts at some radii, where the image has these coefficients and times.
+    pub fn evaluate(
+        &self,
+        coefficients: &Coefficients,
+        time: &RenderTime,
+        demand: &CandidateCost,
+        radii: ByClass<f64>,
+    ) -> Best {
+        let blur = self.blur(radii);
+        let merged = self.merged(radii);
+        demand.evaluate_image((self.technique, blur), coefficients, time, &merged, radii)
+    }
+
+    /// Share of the noise of shared photons that averages over several pixels keep, at some radii.
+    pub fn blur(&self, radii: ByClass<f64>) -> f64 {
+        let (mut sum, mut kept) = (0.0, 0.0);
+        for (part, radius) in self.light.iter().zip(radii) {
+            let noise = part / (radius * radius + self.footprint.powi(2));
+            sum += noise;
+            kept += noise * kept_by_averages(radius, self.footprint);
+        }
+        if sum > 0.0 { kept / sum } else { 1.0 }
     }
 
     /// Merge bias of both classes of photons at some radii: theory.md (93b), (71f).
@@ -170,11 +199,19 @@ impl Model {
         self.merged(radii).iter().map(|class| class.square.max(0.0)).sum()
     }
 
-    fn time(&self, radii: ByClass<f64>) -> RenderTime {
+    /// Time at some radii.
+    pub fn time(&self, radii: ByClass<f64>) -> RenderTime {
         let reach = radii[EVERY].max(radii[LAST]);
         let merge_pair = self.times.merge_pair * reach * reach;
         let times = TimeModel { merge_pair, ..self.times };
-        RenderTime { times, start_up: self.start_up }
+        RenderTime { times, start_up: self.start_up.at(reach) }
+    }
+
+    /// The model that agrees with this start-up at these radii.
+    pub fn with_start_up(self, radii: ByClass<f64>, start_up: Option<StartUp>) -> Self {
+        let Some(own) = start_up else { return self };
+        let reach = radii[EVERY].max(radii[LAST]);
+        Self { start_up: self.start_up.through(reach, own), ..self }
     }
 
     /// The best radii and counts.
@@ -200,7 +237,7 @@ impl Model {
             ),
             None => vec![],
         };
-        let mut best: Option<Best> = None;
+        let mut best: Option<(f64, Best)> = None;
         for &last in &last {
             // Without photons of the other class their radius does not matter.
             let requested = f64::from(requested[EVERY]);
@@ -214,19 +251,24 @@ impl Model {
             for &every in every {
                 let mut radii = [last; 2];
                 radii[EVERY] = every;
-                let own = demand.evaluate_image(
-                    self.technique,
-                    &self.coefficients(radii),
-                    &self.time(radii),
-                    &self.merged(radii),
-                    radii,
-                );
-                if best.is_none_or(|best| own.rank(demand) < best.rank(demand)) {
-                    best = Some(own);
+                let own =
+                    self.evaluate(&self.coefficients(radii), &self.time(radii), demand, radii);
+                let rank = self.with_discs(&own, last.max(every)) * own.rank(demand);
+                if best.is_none_or(|(least, _)| rank < least) {
+                    best = Some((rank, own));
                 }
             }
         }
-        best.expect("there is a step")
+        best.expect("there is a step").1
+    }
+
+    /// Factor on the rank of radii above [`DISC_PIXELS`] where the noise is visible, for the discs
+    /// that they draw. Larger radii only save the time of tracing light paths: noise and the time
+    /// of merges depend on the product of `N_F` and the squared radius. Short trials see too little
+    /// of the noise of discs.
+    fn with_discs(&self, best: &Best, radius: f64) -> f64 {
+        let pixels = radius / (DISC_PIXELS * self.footprint * PI.sqrt());
+        if best.is_noise_visible() { pixels.max(1.0).powi(4) } else { 1.0 }
     }
 
     /// The model that agrees with what an image has measured at its radii. How noise and bias
@@ -246,7 +288,7 @@ impl Model {
             // radius.
             let whole = (1.0 + left[index]).powi(2);
             let prior = BiasPrior::new(class, self.technique, radii[index] / scale.image_width());
-            let prior = prior.with_spread(PILOT_SPREAD);
+            let prior = prior.by_law(&assumed, radii[index]);
             let measured = annulus_bias2.map(|own| whole * own);
             Some(BiasLaw::combined(radii[index], measured, assumed.falls_to, prior))
         };
@@ -262,6 +304,7 @@ impl Model {
             bias: all,
             times: TimeModel { merge_pair: times.merge_pair / (reach * reach), ..times },
             is_one_trial: false,
+            start_up: self.start_up.clone(),
             ..*self
         }
     }
@@ -280,9 +323,7 @@ impl Model {
         } else {
             own
         };
-        let merged = self.merged(radii);
-        let mut best =
-            demand.evaluate_image(self.technique, &coefficients, &trial.time(), &merged, radii);
+        let mut best = self.evaluate(&coefficients, &trial.time(), demand, radii);
         best.tried = true;
         best
     }
@@ -384,7 +425,7 @@ mod tests {
             is_one_trial: false,
             footprint: 0.1,
             times: times(),
-            start_up: None,
+            start_up: StartUpLaw::default(),
         };
         let radius = |time| model.best(&demand(End::Time(time))).radii[LAST];
         let radii = [1.0, 100.0, 1e4].map(radius);

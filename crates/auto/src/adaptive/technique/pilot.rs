@@ -1,15 +1,16 @@
 //! The pilot: tries all techniques at the radii of the settings, those that are not much worse at
-//! large radii, and the best at their best radii.
+//! large radii, and lets the best race at their best radii.
 
+use super::alternatives::Alternatives;
 use super::candidate_cost::{Best, CandidateCost};
 use super::candidates::SceneTraits;
 use super::compared_trials::disagrees;
 use super::model::{ENOUGH_FOUND, ImageScale, LARGEST_SCALE, Model};
-use super::revision::Revision;
+use super::race::{Track, race};
 use super::seen_surfaces::width_seen;
 use super::trial::Trial;
 use super::trial_runner::TrialRunner;
-use super::{End, FreeParameters, Penalties, Selection, Technique};
+use super::{End, FreeParameters, Selection, Technique};
 use bdpm_core::base::error::Result;
 use bdpm_core::film::radiance::luminance_weights;
 use bdpm_core::render::NestedPart;
@@ -20,33 +21,16 @@ use bdpm_core::transport::photon::PhotonClass;
 use std::array::from_fn;
 use std::time::Instant;
 
-/// Shares of the pilot's time for its three rounds: all techniques, the better ones at large radii,
-/// the best at their best radii.
-const ROUNDS: [f64; 3] = [0.35, 0.4, 0.25];
+/// Shares of the pilot's time for its rounds: all techniques, the better ones at large radii, the
+/// race, and trials of how light paths split and of radii in media.
+const ROUNDS: [f64; 4] = [0.2, 0.15, 0.45, 0.05];
 
 /// A technique is dropped if its squared error, at the best radii by one trial, exceeds the
 /// smallest by this factor.
-const HOPELESS: f64 = 4.0;
-
-/// Penalty on the predicted squared error of a candidate that was never tried at its radii.
-///
-/// It is multiplied by the largest factor by which trials of other candidates exceeded their
-/// prediction. Of several candidates the best looks better than it is.
-const UNTRIED: f64 = 2.0;
-
-/// An untried candidate is worth more of the pilot's time if its predicted squared error is less by
-/// this factor than that of all that were tried.
-const PROMISING: f64 = 1.25;
+const HOPELESS: f64 = 8.0;
 
 /// Techniques that are tried at large radii, even if the time is over.
 const MIN_AT_LARGE_RADII: u32 = 2;
-
-/// Typical number of techniques that the last round tries.
-const FINALISTS: f64 = 2.0;
-
-/// The last round may exceed the pilot's time by this factor while an untried candidate is
-/// promising.
-const LAST_TRIALS_PATIENCE: f64 = 1.5;
 
 /// Radius of the class of photons whose bias a trial does not measure, over that of the settings:
 /// the fit of both classes needs trials at different radii.
@@ -56,7 +40,7 @@ const SMALLEST_SCALE: f32 = 0.5;
 const SEEN_WIDTHS: f64 = 4.0;
 
 /// Share of the pilot's time for learning where light paths start.
-const LEARNING_SHARE: f64 = 0.2;
+const LEARNING_SHARE: f64 = 0.15;
 
 /// Tries what is open, in about `budget` seconds.
 ///
@@ -68,7 +52,7 @@ pub fn run(
     end: End,
     budget: f64,
     denoises: bool,
-) -> Result<(Selection, Revision)> {
+) -> Result<(Selection, Alternatives)> {
     let start = Instant::now();
     let own = with_seen_radii(renderer, open);
     let scaled = (own != *renderer.settings()).then(|| renderer.with_settings(own.clone()));
@@ -76,7 +60,7 @@ pub fn run(
     let renderer = scaled.as_ref().unwrap_or(renderer);
     let settings = &Settings { bias: open.bias(&own), ..own };
     let candidates = Technique::candidates(settings, open, SceneTraits::new(renderer, denoises));
-    let [screening, large, last] = ROUNDS.map(|share| share * budget);
+    let [screening, large, racing, last] = ROUNDS.map(|share| share * budget);
     let each = screening / candidates.len() as f64;
     let demand = CandidateCost {
         end: match end {
@@ -108,15 +92,14 @@ pub fn run(
     };
     pilot.screen(candidates, each)?;
     pilot.try_large_radii(large)?;
-    let finalists = pilot.finish(last / FINALISTS)?;
-    let scored = |own: &Finalist| own.best.scored(own.model.technique, own.penalties);
+    let finalists = pilot.finish(racing, last)?;
+    let scored = |own: &Finalist| own.best.scored(own.model.technique);
     let candidates = finalists.iter().map(scored).collect();
-    let revision = Revision::new(finalists, pilot.demand, pilot.scale());
+    let alternatives = Alternatives::new(finalists, pilot.demand);
     let seconds = start.elapsed().as_secs_f64();
-    let (revised, refuted, refuted_trials) = (None, None, pilot.refuted);
-    let selection =
-        Selection { candidates, open, guide, seconds, revised, refuted, refuted_trials };
-    Ok((selection, revision))
+    let (refuted, refuted_trials) = (None, pilot.refuted);
+    let selection = Selection { candidates, open, guide, seconds, refuted, refuted_trials };
+    Ok((selection, alternatives))
 }
 
 /// The settings of a renderer. Where radii are open, they are not larger than those of a scene of
@@ -163,12 +146,8 @@ struct Tried {
 pub struct Finalist {
     pub model: Model,
     pub best: Best,
-    /// Factors on the squared error. That of an untried finalist is 1 until the last round is over.
-    pub penalties: Penalties,
-    /// Largest mean luminance of its trials, W/(m^2 sr).
-    pub luminance: f64,
     /// It is kept only for an image whose audit refutes all others.
-    is_reserve: bool,
+    pub is_reserve: bool,
 }
 
 impl Pilot<'_> {
@@ -185,10 +164,8 @@ impl Pilot<'_> {
         }
         let weights = common_weights(&self.tried);
         self.refute(&weights);
-        let rank = |tried: &Tried| {
-            let best = self.model(tried, &weights).best(&self.demand);
-            best.rank(&self.demand) * self.penalties(tried.technique).total()
-        };
+        let rank =
+            |tried: &Tried| self.model(tried, &weights).best(&self.demand).rank(&self.demand);
         let ranks: Vec<f64> = self.tried.iter().map(rank).collect();
         let mut ranked: Vec<_> = ranks.into_iter().zip(self.tried.drain(..)).collect();
         ranked.sort_by(|one, other| one.0.total_cmp(&other.0));
@@ -236,13 +213,12 @@ impl Pilot<'_> {
         seconds: f64,
     ) -> Result<Trial> {
         let mut trial = self.runner.trial(settings, nests, seconds)?;
-        self.least_luminance = self.least_luminance.max(trial.least_luminance());
+        if nests.is_none() {
+            // At large radii light may leak through walls.
+            self.least_luminance = self.least_luminance.max(trial.least_luminance());
+        }
         trial.set_missed_light(self.least_luminance);
         Ok(trial)
-    }
-
-    fn penalties(&self, technique: Technique) -> Penalties {
-        Penalties::of(technique, self.demand.denoises)
     }
 
     /// Fits the trials of a technique so far. A bias that none of them measured is that of the
@@ -285,56 +261,27 @@ impl Pilot<'_> {
         Ok(())
     }
 
-    /// Tries the best candidate at its best radii, until the best of all was tried or the time is
-    /// over. Returns the best first.
-    fn finish(&mut self, seconds: f64) -> Result<Vec<Finalist>> {
+    /// Lets the techniques that are left race at their best radii for `racing` seconds. Returns the
+    /// best first.
+    fn finish(&mut self, racing: f64, last: f64) -> Result<Vec<Finalist>> {
         let weights = common_weights(&self.tried);
         let finalist = |tried: &Tried| {
             let model = self.model(tried, &weights);
-            let mut best = model.best(&self.demand);
-            // Where no radius is open, or none matters, all trials were at the best radii.
-            best.tried = !self.demand.open.any_radius() || !tried.technique.merges();
-            let luminance = tried.trials.iter().map(Trial::luminance).fold(0.0, f64::max);
-            let penalties = self.penalties(tried.technique);
-            let is_reserve = tried.is_reserve;
-            Finalist { model, best, penalties, luminance, is_reserve }
+            let best = model.best(&self.demand);
+            Finalist { model, best, is_reserve: tried.is_reserve }
         };
-        let mut finalists: Vec<Finalist> = self.tried.iter().map(finalist).collect();
-        // Largest factor by which a trial exceeded its prediction.
-        let mut surprise = 1.0f64;
-        loop {
-            // At least one is tried: no other trial measures the times so well, which counts
-            // follow.
-            let elapsed = self.start.elapsed().as_secs_f64();
-            let any_tried = finalists.iter().any(|own| own.best.tried && !own.is_reserve);
-            let patience =
-                if is_promising(&finalists, &self.demand) { LAST_TRIALS_PATIENCE } else { 1.0 };
-            let is_over = any_tried && elapsed > patience * self.budget;
-            // The prediction for an untried candidate can be wrong by as much.
-            let untried = if is_over { UNTRIED * surprise } else { 1.0 };
-            for Finalist { best, penalties, .. } in &mut finalists {
-                penalties.untried = if best.tried { 1.0 } else { untried };
-            }
-            let rank = |Finalist { best, penalties, .. }: &Finalist| {
-                best.rank(&self.demand) * penalties.total()
-            };
-            finalists.sort_by(|one, other| rank(one).total_cmp(&rank(other)));
-            if finalists[0].best.tried || is_over {
-                self.try_splitting(&mut finalists[0], &weights, seconds)?;
-                self.try_medium_scales(&mut finalists[0], &weights, seconds)?;
-                if finalists[0].best.tried {
-                    finalists[0].penalties.untried = 1.0;
-                }
-                return Ok(finalists);
-            }
-            let Finalist { model, best, luminance, .. } = &mut finalists[0];
-            let settings = best.settings(self.settings, model.technique);
-            let trial = self.trial(&settings, None, seconds)?;
-            *luminance = luminance.max(trial.luminance());
-            let expected = best.rank(&self.demand);
-            *best = model.tried_at(&trial, &weights, &self.demand);
-            surprise = surprise.max(best.rank(&self.demand) / expected);
-        }
+        let field: Vec<Finalist> = self.tried.iter().map(finalist).collect();
+        let track = Track {
+            settings: self.settings,
+            demand: self.demand,
+            scale: self.scale(),
+            least_luminance: self.least_luminance,
+            runner: &mut self.runner,
+        };
+        let mut finalists = race(field, track, racing)?;
+        self.try_splitting(&mut finalists[0], &weights, last)?;
+        self.try_medium_scales(&mut finalists[0], &weights, last)?;
+        Ok(finalists)
     }
 }
 
@@ -360,17 +307,6 @@ impl Pilot<'_> {
         }
         Ok(())
     }
-}
-
-/// Tests whether an untried candidate is predicted to be better by [`PROMISING`] than all that were
-/// tried.
-fn is_promising(finalists: &[Finalist], demand: &CandidateCost) -> bool {
-    let least = |tried: bool| {
-        let of = finalists.iter().filter(|own| own.best.tried == tried && !own.is_reserve);
-        of.map(|Finalist { best, penalties, .. }| penalties.total() * best.rank(demand))
-            .fold(f64::INFINITY, f64::min)
-    };
-    PROMISING * least(false) < least(true)
 }
 
 impl Tried {

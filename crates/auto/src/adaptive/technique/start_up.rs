@@ -40,6 +40,56 @@ pub struct StartUp {
     saturation: f64,
 }
 
+/// Start-up of an image by the radius of its look-ups: that of the trials, and powers of the radius
+/// between and beyond them. Large spheres hold more triangles each, and small ones are more.
+#[derive(Clone, Debug, Default)]
+pub struct StartUpLaw {
+    /// Radii of trials, ascending, scene units.
+    known: Vec<(f64, StartUp)>,
+}
+
+/// Bounds of the power.
+const POWERS: [f64; 2] = [0.0, 2.0];
+
+impl StartUpLaw {
+    /// The law through start-ups at some radii, the first at each.
+    pub fn of(measured: impl Iterator<Item = (f64, StartUp)>) -> Self {
+        let mut known: Vec<(f64, StartUp)> = measured.collect();
+        known.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+        known.dedup_by(|(one, _), (other, _)| *one < 1.01 * *other);
+        Self { known }
+    }
+
+    /// The law that agrees with `own` at this radius, with the same powers.
+    pub fn through(mut self, radius: f64, own: StartUp) -> Self {
+        let Some(expected) = self.at(radius) else { return Self { known: vec![(radius, own)] } };
+        let factor = own.seconds(own.camera_paths) / expected.seconds(own.camera_paths);
+        if factor.is_finite() {
+            self.known.iter_mut().for_each(|(_, known)| known.seconds *= factor);
+        }
+        self
+    }
+
+    /// The start-up at this radius; `None` without areas.
+    pub fn at(&self, radius: f64) -> Option<StartUp> {
+        let (mut nearest, mut own) = *self.known.first()?;
+        let mut power = 0.0;
+        for pair in self.known.windows(2) {
+            let [(small, first), (large, second)] = [pair[0], pair[1]];
+            let camera_paths = first.camera_paths.max(second.camera_paths);
+            let [one, other] = [first, second].map(|own| own.seconds(camera_paths));
+            let [least, most] = POWERS;
+            power = ((other / one).ln() / (large / small).ln()).max(least).min(most);
+            if radius < large {
+                break;
+            }
+            (nearest, own) = (large, second);
+        }
+        own.seconds *= (radius / nearest).powf(power);
+        Some(own)
+    }
+}
+
 impl CellGrowth {
     /// The measured iteration of this number, from 0, of one of the trials traced so many camera
     /// paths and needed this `work`.
@@ -157,6 +207,25 @@ pub mod tests {
                 assert!(each > 1000.0 || known < 0.3 * whole, "{name}: {known} {whole}");
             }
         }
+    }
+
+    #[test]
+    fn start_up_at_other_radii_is_a_power_of_the_radius() {
+        assert_eq!(StartUpLaw::default().at(1.0), None);
+        let law = |known: &[(f64, f64)]| {
+            StartUpLaw::of(known.iter().map(|(radius, seconds)| (*radius, constant(*seconds))))
+        };
+        let at = |law: &StartUpLaw, radius: f64| law.at(radius).unwrap().seconds(1.0);
+        assert_eq!(at(&law(&[(2.0, 3.0)]), 8.0), 3.0, "one trial tells no power");
+        let known = law(&[(4.0, 6.0), (1.0, 3.0)]);
+        for (radius, seconds) in [(1.0, 3.0), (2.0, 3.0 * 2f64.sqrt()), (4.0, 6.0), (16.0, 12.0)] {
+            assert!((at(&known, radius) / seconds - 1.0).abs() < 1e-12, "{radius}");
+        }
+        // No start-up grows faster than the area of a look-up, or falls with it.
+        assert_eq!(at(&law(&[(1.0, 1.0), (2.0, 100.0)]), 0.5), 0.25);
+        assert_eq!(at(&law(&[(1.0, 5.0), (2.0, 4.0)]), 0.5), 5.0);
+        let longer = known.through(2.0, constant(6.0 * 2f64.sqrt()));
+        assert!((at(&longer, 16.0) / 24.0 - 1.0).abs() < 1e-12);
     }
 
     #[test]

@@ -35,6 +35,13 @@ pub struct Trial {
     pub merges: bool,
 }
 
+/// Share of the light that an image of this mean luminance lacks beyond its merge bias, if it is
+/// at least `least`.
+pub fn missed_share(luminance: f64, least: f64) -> f64 {
+    let share = 1.0 - luminance / least - BIAS_TOLERANCE;
+    if share > 0.0 && least > 0.0 { share } else { 0.0 }
+}
+
 impl Trial {
     /// What the whole image takes at these radii.
     pub fn time(&self) -> RenderTime {
@@ -62,8 +69,7 @@ impl Trial {
     /// at least this mean luminance. If `n` paths miss a share `d` of the light, few of them carry
     /// it, and its second moment is about `n d^2`. theory.md (93f)
     pub fn set_missed_light(&mut self, least_luminance: f64) {
-        let share = 1.0 - self.luminance() / least_luminance - BIAS_TOLERANCE;
-        let square = if share > 0.0 && least_luminance > 0.0 { share * share } else { 0.0 };
+        let square = missed_share(self.luminance(), least_luminance).powi(2);
         let NoiseImage { pixels, iterations, light_paths, camera_paths, .. } = &self.noise;
         let iterations = *iterations as f64;
         let camera = pixels.len() as f64 * f64::from(*camera_paths) * iterations * square;

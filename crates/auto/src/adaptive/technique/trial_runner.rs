@@ -1,9 +1,10 @@
 //! Runs trials of techniques on a sample of the pixels of an image.
 
-use super::Guided;
+use super::lane::{LANE_CAMERA_PATHS, Lane};
 use super::seen_surfaces::{footprint, merging_area};
 use super::start_up::CellGrowth;
 use super::trial::Trial;
+use super::{Candidate, Guided, largest_sobol_set};
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
 use crate::timing::measure::{Phase, TimeSample};
@@ -57,6 +58,9 @@ const TRIAL_MEASURING: f64 = 0.75;
 
 /// Added to the seed of the image, so that trials share no samples with it.
 const TRIAL_SEED: u64 = 0x5eed_0ff0_7e57_ab1e;
+
+/// The same for lanes, so that they share no samples with trials.
+const LANE_SEED: u64 = 0x1a9e_5eed_0fa2_ace5;
 
 /// Factor on the caustic radius of trials that measure one class of photons, if both radii are
 /// equal. It changes the bias by far less than any trial can measure.
@@ -210,6 +214,46 @@ impl<'a> TrialRunner<'a> {
             merges: settings.has_photons(),
             has_caustic_photons,
         })
+    }
+
+    /// A lane of the race: the candidate on one pixel of each square of `stride` by `stride`
+    /// pixels, with as many of its light paths as take `light` seconds.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn lane(
+        &mut self,
+        candidate: &Candidate,
+        settings: &Settings,
+        (stride, light): (u32, f64),
+    ) -> Result<Lane> {
+        let own = candidate.apply(settings);
+        let mis_scales = Some(own.mis_scales());
+        let known = self.with_areas_of(&own)?;
+        let pixels = self.pixels / f64::from(stride).powi(2);
+        let TimeModel { light_path, merge_pair, .. } = candidate.times;
+        let per_light_path = light_path + merge_pair * pixels * f64::from(LANE_CAMERA_PATHS);
+        let fits = (light / per_light_path).max(TRIAL_PATHS.start);
+        let light_paths =
+            (fits.min(f64::from(own.light_paths)) as u32).clamp(1, self.max_light_paths);
+        let sobol_set = match settings.sobol_set {
+            1 => 1,
+            _ => largest_sobol_set(light_paths),
+        };
+        let own = Settings {
+            light_paths,
+            camera_paths: LANE_CAMERA_PATHS,
+            seed: own.seed.wrapping_add(LANE_SEED),
+            guide: 0,
+            sobol_set,
+            mis_scales,
+            ..own
+        };
+        let light_paths = own.allowed_light_paths(self.max_light_paths).nearest(light_paths);
+        let own = Settings { light_paths, ..own };
+        let renderer = self.renderers[known].sample(own, stride)?.guided(self.guide.clone());
+        let config = RenderConfig { independent_paths: true, ..RenderConfig::default() };
+        Ok(Lane::new(renderer.configure(config)?, candidate.times))
     }
 
     /// Settings of a trial of the technique of `settings`.

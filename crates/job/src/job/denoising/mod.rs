@@ -10,6 +10,7 @@ use crate::output::denoise::{
 };
 use bdpm_auto::adaptive::error_interval::{ErrorInterval, SquaredPart};
 use bdpm_auto::adaptive::stopping::Stop;
+use bdpm_auto::adaptive::technique::LEAST_DENOISED_NOISE;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
 use bdpm_core::film::folds::DENOISE_FOLDS;
@@ -24,16 +25,11 @@ use std::time::{Duration, Instant};
 /// Maximum share of the given time for all runs of the denoiser.
 const DENOISE_SHARE: f64 = 0.12;
 
-/// Relative RMS noise that the pilot predicts for the end, below which denoising does not pay: the
-/// time of the denoiser adds more noise than its result removes. Measured:
-/// docs/measurements/denoising.md.
-const MIN_NOISE: f64 = 0.025;
-
 /// Maximum side of the image with which the time of the denoiser is measured, pixels.
 const TIMED_SIDE: u32 = 128;
 
 /// Factor by which the time of a run may exceed that of the small image per pixel.
-const TIME_MARGIN: f64 = 1.3;
+const TIME_MARGIN: f64 = 1.5;
 
 /// Minimum number of iterations per fold before the error of a denoised image is estimated during
 /// the render.
@@ -57,7 +53,7 @@ const MAX_EXPECTED_SHARE: f64 = 0.85;
 /// Assumed power of the time with which the squared error of denoised images decreases. It is below
 /// 1, the power of noise, since the denoiser's bias decreases later. Only the next check and
 /// promises depend on it.
-const DENOISED_DECAY: f64 = 0.7;
+pub const DENOISED_DECAY: f64 = 0.7;
 
 /// Share of the given time after which the error at its end is promised.
 const PROMISE_AFTER: f64 = 0.25;
@@ -229,7 +225,7 @@ impl Denoising {
     /// of a given time.
     pub fn can_pay(&self, noise: f64) -> bool {
         let is_error_known = self.effort.folds > 0;
-        noise >= if is_error_known { MIN_NOISE } else { MIN_NOISE_FOR_UNKNOWN_ERROR }
+        noise >= if is_error_known { LEAST_DENOISED_NOISE } else { MIN_NOISE_FOR_UNKNOWN_ERROR }
     }
 
     /// Approximate time of denoising the final image with its error; 0 once denoising is given up.

@@ -1,0 +1,168 @@
+//! A lane of the race: iterations of a technique at its real radii and number of light paths, on a
+//! sample of the pixels.
+
+use super::model::ImageMeasurement;
+use super::start_up::{CellGrowth, StartUp};
+use crate::adaptive::stopping::luminances;
+use crate::timing::TimeModel;
+use bdpm_core::base::error::Result;
+use bdpm_core::noise::{Coefficients, Measure};
+use bdpm_core::render::Renderer;
+use bdpm_core::render::annulus_moments::annulus_bias2;
+use bdpm_core::render::block;
+use bdpm_core::render::block::{Block, CombinedImage};
+use bdpm_core::settings::Settings;
+use bdpm_core::transport::photon::PhotonClass;
+use std::time::{Duration, Instant};
+
+/// Camera paths per pixel of an iteration: the smallest number that can be measured, so that a lane
+/// sees as many pixels as possible.
+pub const LANE_CAMERA_PATHS: u32 = 2;
+
+/// Minimum number of iterations of a round: one that is not measured tells the times, and its
+/// neighbors the noise.
+const MIN_ITERATIONS: u64 = 3;
+
+/// Iterations of a technique on a sample of the pixels.
+pub struct Lane {
+    renderer: Renderer,
+    /// Times of an iteration of the sample, as trials predict them.
+    expected: TimeModel,
+    /// Pixels of the image.
+    pixels: f64,
+    /// Cells of the areas that these iterations needed.
+    growth: CellGrowth,
+    /// Thread time of areas in iterations that were not measured.
+    area_time: Duration,
+}
+
+/// What a lane has measured.
+pub struct LaneMeasurement {
+    /// Noise, bias and times.
+    pub image: ImageMeasurement,
+    /// Time that the whole image needs to compute areas; `None` without areas.
+    pub start_up: Option<StartUp>,
+    /// Mean luminance, W/(m^2 sr).
+    pub luminance: f64,
+    /// Its standard error, as if all pixels saw the same photons.
+    pub error: f64,
+    /// Paths of the kind that may have missed light: light paths if there are photons.
+    pub paths: f64,
+}
+
+impl Lane {
+    /// A lane without iterations. `times` are those of an image of so many pixels.
+    pub fn new(renderer: Renderer, times: TimeModel) -> Self {
+        let expected = TimeModel { pixels: renderer.settings().pixels() as f64, ..times };
+        let (growth, area_time) = (CellGrowth::default(), Duration::ZERO);
+        Self { renderer, expected, pixels: times.pixels, growth, area_time }
+    }
+
+    /// Renders for some seconds. Every second iteration is measured.
+    ///
+    /// # Errors
+    /// If the user has interrupted the program.
+    pub fn go_on(&mut self, seconds: f64) -> Result<()> {
+        let begun = Instant::now();
+        let camera_paths = f64::from(LANE_CAMERA_PATHS) * self.expected.pixels;
+        let mut done = 0;
+        while done < MIN_ITERATIONS || begun.elapsed().as_secs_f64() < seconds {
+            let number = self.renderer.iterations();
+            let measure = if number.is_multiple_of(2) { Measure::Pairs } else { Measure::Off };
+            let before = self.renderer.area_work();
+            self.renderer.iterate(measure);
+            let work = self.renderer.area_work().since(before);
+            self.growth.add(number as usize, camera_paths, work);
+            if measure == Measure::Off {
+                self.area_time += work.time;
+            }
+            self.renderer.check_interrupt()?;
+            done += 1;
+        }
+        Ok(())
+    }
+
+    /// Luminance of each pixel of the sample, without the contribution of noise to its square.
+    pub fn luminances(&self) -> Vec<f64> {
+        let blocks = self.renderer.blocks();
+        luminances(&CombinedImage::new(blocks, vec![1.0; blocks.len()]))
+    }
+
+    /// What the iterations so far have measured, with these weights of the pixels' squared errors;
+    /// `None` before noise and times are known.
+    pub fn measured(&self, weights: &[f64]) -> Option<LaneMeasurement> {
+        let blocks = self.renderer.blocks();
+        let Block { film, counts, .. } = self.renderer.block();
+        let cells = weights.len() as f64;
+        let coefficients = block::coefficients(blocks)?;
+        let weighted = |(own, weight): (&Coefficients, &f64)| *own * *weight;
+        let relative: Coefficients = coefficients.iter().zip(weights).map(weighted).sum();
+        let relative = (relative * cells.recip()).clamped();
+        // All iterations are sampled, and only some measure coefficients: rare light is in the
+        // former.
+        let sampled = film.cell_variance()?;
+        let sampled: f64 = sampled.iter().zip(weights).map(|(own, weight)| own * weight).sum();
+        let sampled = sampled * film.iterations as f64 / cells;
+        let n_light = f64::from(counts.light_paths);
+        let predicted = relative.variance(n_light, counts.camera_paths.mean());
+        let more_noise = (sampled / predicted).max(1.0);
+        let image = CombinedImage::new(blocks, vec![1.0]);
+        let (variance, _) = image.pooled_variance()?;
+        let f = coefficients.iter().map(|own| own.f.max(0.0)).sum::<f64>() / cells;
+        let iterations = film.iterations as f64;
+        let error2 = variance / cells + f / (n_light * iterations);
+        let settings = self.renderer.settings();
+        let Settings { radius, caustic_radius, .. } = *settings;
+        let mut radii = [f64::from(radius); 2];
+        radii[PhotonClass::Caustic as usize] = f64::from(caustic_radius);
+        let (luminance, has_photons) = (image.mean_luminance(), settings.has_photons());
+        let each =
+            if has_photons { n_light } else { self.expected.pixels * f64::from(LANE_CAMERA_PATHS) };
+        Some(LaneMeasurement {
+            image: ImageMeasurement {
+                radii,
+                coefficients: relative * (more_noise * image.set_factor()),
+                annulus_bias2: annulus_bias2(blocks, &[1.0], weights),
+                times: self.times()?,
+            },
+            start_up: self.growth.start_up(rayon::current_num_threads()).filter(|_| has_photons),
+            luminance,
+            error: error2.sqrt(),
+            paths: each * iterations,
+        })
+    }
+
+    /// Times of an iteration of the whole image, without areas: each phase of the prediction times
+    /// what it took over what was predicted. `None` before the first iteration that is not
+    /// measured.
+    fn times(&self) -> Option<TimeModel> {
+        let Block { clock, counts, .. } = self.renderer.block();
+        if clock.iterations == 0 {
+            return None;
+        }
+        let n_light = f64::from(counts.light_paths);
+        let threads = rayon::current_num_threads() as f64;
+        let seconds = |time: Duration| time.as_secs_f64() / clock.iterations as f64;
+        let [fixed, light, camera, merge] =
+            self.expected.parts(n_light, counts.camera_paths.mean());
+        let ratio = |took: f64, expected: f64| if expected > 0.0 { took / expected } else { 1.0 };
+        let busy = |time: Duration| seconds(time) / threads;
+        let areas = busy(self.area_time);
+        let light = ratio(busy(clock.times.light), light);
+        let camera = ratio(busy(clock.times.camera), camera);
+        let merge = ratio((busy(clock.times.merge) - areas).max(0.0), merge);
+        let busy = TimeModel {
+            fixed: 0.0,
+            light_path: light * self.expected.light_path,
+            camera_path: camera * self.expected.camera_path,
+            look_up: merge * self.expected.look_up,
+            merge_pair: merge * self.expected.merge_pair,
+            ..self.expected
+        };
+        // Threads wait for each other, in proportion to what they do.
+        let wall = (seconds(clock.times.wall) - areas).max(0.0);
+        let fixed = fixed.min(0.5 * wall);
+        let waits = ratio(wall - fixed, busy.iteration(n_light, counts.camera_paths.mean()));
+        Some(TimeModel { fixed, pixels: self.pixels, ..busy.scaled(waits) })
+    }
+}
