@@ -23,7 +23,15 @@ const GROUPS: &[Group] = &[
     Group {
         heading: "Image",
         common: &["crop", "denoise"],
-        other: &["layers", "tonemap", "exposure", "exr_compression", "half", "photometric"],
+        other: &[
+            "no_denoise",
+            "layers",
+            "tonemap",
+            "exposure",
+            "exr_compression",
+            "half",
+            "photometric",
+        ],
     },
     Group {
         heading: "When to stop",

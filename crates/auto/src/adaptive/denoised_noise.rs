@@ -31,7 +31,8 @@ pub fn shares_photons(strategy: Strategy, merge_vertex: u32) -> bool {
 
 /// Coefficients of the noise that is left of an image by this strategy after a denoiser, from those
 /// of the image. It keeps the share `kept` of the noise of shared photons: 1 for a denoiser, which
-/// takes discs of a few pixels for texture, and [`kept_by_averages`] for averages over as many pixels.
+/// takes discs of a few pixels for texture, and [`kept_by_averages`] for averages over as many
+/// pixels.
 pub fn left_by_denoiser(
     strategy: Strategy,
     merge_vertex: u32,

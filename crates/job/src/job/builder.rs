@@ -1,6 +1,7 @@
 //! What a job renders and how: the methods of [`RenderJob`] before it runs.
 
-use super::{Denoise, PlantedFailure, RenderJob, Shard, Start};
+use super::denoise_mode::Denoise;
+use super::{PlantedFailure, RenderJob, Shard, Start};
 use crate::output::checkpoint::Checkpoint;
 use bdpm_auto::adaptive::plan::Plan;
 use bdpm_auto::adaptive::stopping::Stop;

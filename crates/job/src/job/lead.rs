@@ -1,12 +1,13 @@
 //! The phases of a job before its loop: plan -> prepare -> choose -> hand over.
 
 use super::audit::{Audit, AuditPace};
+use super::denoise_mode::Denoise;
 use super::leader::Leader;
 use super::run_clock::RunClock;
 use super::shard::ShardIterations;
 use super::state::RenderState;
 use super::status::{Exchanged, Status, Totals};
-use super::{Denoise, Denoising, Event, Prepared, RenderJob, RenderResult, Start};
+use super::{Denoising, Event, Prepared, RenderJob, RenderResult, Start};
 use super::{check_time, iterate, near_layers, pilot_end};
 use crate::mpi::Ranks;
 use bdpm_auto::adaptive::stopping::Stop;

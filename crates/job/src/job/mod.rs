@@ -5,23 +5,24 @@
 //! ```
 //!
 //! A job reads and writes no files: [`load`](mod@bdpm_load) loads scenes, and
-//! [`output`](crate::output) writes images and pages from the [`RenderResult`]. An observer sees
-//! the [`RenderState`] after every iteration.
+//! [`output`](crate::output) writes images from the [`RenderResult`]. An observer sees the
+//! [`RenderState`] of every iteration.
 
 mod asked;
 mod audit;
 mod audit_report;
 mod builder;
+mod denoise_mode;
 mod denoising;
 mod iterate;
 mod lead;
 mod leader;
 mod near_layers;
 mod outline;
-mod result;
-mod status;
 mod restart;
+mod result;
 mod run_clock;
+mod status;
 mod shard;
 mod state;
 mod step;
@@ -67,6 +68,7 @@ use bdpm_core::scene::{Media, Scene};
 use bdpm_core::settings::provenance::{Provenance, Reuse};
 use bdpm_core::settings::{Bias, PartialSettings, Settings};
 use bdpm_core::transport::camera_paths::CameraPoints;
+use denoise_mode::Denoise;
 use leader::Leader;
 use rayon::ThreadPool;
 use shard::ShardIterations;
@@ -85,7 +87,7 @@ const DEFAULT_ERROR: f64 = 0.01;
 /// windows by a tenth.
 const VISIBILITY_RAYS_PER_SECOND: f64 = 65_536.0;
 
-/// Their maximum: more of them hardly reduce the noise.
+/// Their maximum: more hardly reduce the noise.
 const MOST_VISIBILITY_RAYS: u32 = 1 << 22;
 
 /// Renders a scene until a [`Stop`] condition holds.
@@ -129,15 +131,6 @@ pub struct RenderJob {
     planted: Option<PlantedFailure>,
     /// Sums of the audit of the image that is resumed.
     audited: Option<AuditSums>,
-}
-
-/// Whether the image is denoised.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Denoise {
-    Never,
-    /// If that is expected to pay.
-    IfNoisy,
-    Always,
 }
 
 /// Start of an image.
@@ -330,20 +323,6 @@ impl RenderJob {
         }
         let most = f64::from(MOST_VISIBILITY_RAYS);
         time.map_or(most, |time| (VISIBILITY_RAYS_PER_SECOND * time.as_secs_f64()).min(most)) as u32
-    }
-
-    fn denoises(&self) -> bool {
-        self.denoise != Denoise::Never
-    }
-
-    /// Whether an image may be denoised that nobody asked to denoise: what its samples tell is not
-    /// asked for, and a time ends the render.
-    fn may_denoise(&self, scene: &Scene) -> bool {
-        let Stop { iterations, time, target, error, .. } = self.stop;
-        let is_timed =
-            time.is_some() && iterations.is_none() && target.is_none() && error.is_none();
-        let is_whole = self.shard.is_none() && matches!(self.start, Start::New);
-        is_timed && is_whole && self.is_automatic() && !self.pixel_noise && scene.meters().is_none()
     }
 
     fn stop_with_default(&self) -> Stop {

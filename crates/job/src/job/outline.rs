@@ -1,7 +1,8 @@
 //! Outline of a job: what it would render, without rendering.
 
 use super::audit::AuditPace;
-use super::{Denoise, Denoising, Prepared, RenderJob, Start, check_time};
+use super::denoise_mode::Denoise;
+use super::{Denoising, Prepared, RenderJob, Start, check_time};
 use crate::mpi::{Ranks, SingleProcess};
 use bdpm_auto::adaptive::stopping::Stop;
 use bdpm_auto::adaptive::technique::FreeParameters;

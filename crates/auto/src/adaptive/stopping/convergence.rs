@@ -49,6 +49,23 @@ fn weighted_deviation(values: &[f64], importance: &[f64], size: (u32, u32)) -> f
     sum_of_squared_sums(&weighted, size).sqrt() / values.len() as f64
 }
 
+/// Standard deviation of the weighted squared noise of an image around its variance, relative to
+/// the variance; 0 if it is not known.
+fn noise_spread(
+    combined: &CombinedImage,
+    importance: &[f64],
+    mean_of: impl Fn(&[f64]) -> f64,
+) -> f64 {
+    let (Some(correction), Some(variance)) =
+        (combined.bias_correction(), combined.uncorrected_cell_variance())
+    else {
+        return 0.0;
+    };
+    let squares = correction.squared_noise.par_iter().zip(&variance);
+    let deviations: Vec<f64> = squares.map(|(square, variance)| square - variance).collect();
+    weighted_deviation(&deviations, importance, combined.grid().size()) / mean_of(&variance)
+}
+
 /// Variance of each cell of an image of one iteration, by what that iteration has measured; `None`
 /// for other images. Its pairs of paths tell the variance before a second iteration does. theory.md
 /// (2)
@@ -105,16 +122,7 @@ impl Convergence {
             value: mean_of(&correction.bias2),
             deviation: weighted_deviation(&correction.bias2_difference, importance, size),
         });
-        let noise_spread = match (combined.bias_correction(), combined.uncorrected_cell_variance())
-        {
-            (Some(correction), Some(variance)) => {
-                let squares = correction.squared_noise.par_iter().zip(&variance);
-                let deviations: Vec<f64> =
-                    squares.map(|(square, variance)| square - variance).collect();
-                weighted_deviation(&deviations, importance, size) / mean_of(&variance)
-            }
-            _ => 0.0,
-        };
+        let noise_spread = noise_spread(&combined, importance, mean_of);
         let uncorrected = combined.uncorrected_cell_variance().as_deref().map(mean_of);
         // The change by the correction is an estimate, too. If it exceeds the variance, it is not
         // used.
@@ -328,13 +336,13 @@ mod tests {
             assert_eq!(now.variance.is_none(), iterations == 1);
             now.weighted_variance.unwrap() * iterations as f64
         };
-        let of_one: Vec<f64> = (1..=24).map(|seed| variance(seed, 1)).collect();
-        let mean = of_one.iter().sum::<f64>() / 24.0;
+        let of_one: Vec<f64> = (1..=64).map(|seed| variance(seed, 1)).collect();
+        let mean = of_one.iter().sum::<f64>() / 64.0;
         let squares = of_one.iter().map(|own| (own - mean).powi(2)).sum::<f64>();
-        let error = (squares / (24.0 * 23.0)).sqrt();
+        let error = (squares / (64.0 * 63.0)).sqrt();
         let sampled = variance(100, 400);
         assert!((mean - sampled).abs() < 4.0 * error + 0.03 * sampled, "{mean} {error} {sampled}");
-        assert!(error < 0.1 * mean, "the test would pass for any estimate");
+        assert!(error < 0.2 * mean, "the test would pass for any estimate");
     }
 
     #[test]

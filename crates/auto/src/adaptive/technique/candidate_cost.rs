@@ -4,12 +4,11 @@
 use super::start_up::StartUp;
 use super::{Candidate, End, FreeParameters, Technique};
 use crate::adaptive::count_choice::{least_light_paths, min_iterations_after_choice};
-use crate::adaptive::denoised_noise::left_by_denoiser;
 use crate::adaptive::stopping::{MIN_ITERATIONS_TO_TARGET, MIN_NOISE_SHARE};
 use crate::timing::TimeModel;
 use bdpm_core::noise::Coefficients;
 use bdpm_core::render::bias_correction::shrinkage;
-use bdpm_core::settings::{Settings, Strategy};
+use bdpm_core::settings::Settings;
 use bdpm_core::transport::kernel::ByClass;
 use bdpm_core::transport::photon::PhotonClass;
 
@@ -27,29 +26,10 @@ pub const CAMERA_STEPS: [u32; 15] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 9
 const BIASED_PIXELS: f64 = 0.15;
 
 /// Iterations below which the error of an image is hardly known, and an image ends early or takes
-/// longer than its time. Candidates with fewer are chosen only if their squared error is less by the fourth power
-/// of what is missing: large images in a short time, whose first iteration computes all areas.
+/// longer than its time. Candidates with fewer are chosen only if their squared error is less by
+/// the fourth power of what is missing: large images in a short time, whose first iteration
+/// computes all areas.
 const MIN_KNOWN_ITERATIONS: f64 = 2.0;
-
-/// Relative RMS noise from which on spots count in full, where the image is not denoised. At a tenth
-/// of it nobody sees them.
-pub const VISIBLE_NOISE: f64 = 0.1;
-
-/// Relative RMS noise below which denoising does not pay: the time of the denoiser adds more noise
-/// than its result removes. Measured: docs/measurements/denoising.md.
-pub const LEAST_DENOISED_NOISE: f64 = 0.025;
-
-/// Variance of an image over what a denoiser is expected to leave, from which on denoising pays.
-const LEAST_DENOISED_SHARE: f64 = 2.0;
-
-/// Iterations of merging at the first vertex before its photons no longer look like spots. With
-/// fewer its noise counts by the square of what is missing, where it is visible: no trial sees
-/// enough of the photons that make spots.
-const FEW_SPOTTED: f64 = 8.0;
-
-/// Weight of the squared error after averaging over several pixels, beside that of single pixels.
-/// Grain vanishes in averages, and discs of shared photons stay.
-const SPOTS: f64 = 4.0;
 
 /// Goal of the render, and the limits of the choice.
 #[derive(Clone, Copy, Debug)]
@@ -101,19 +81,19 @@ pub struct Best {
     pub radii: ByClass<f64>,
     /// Merge radii in media over those at surfaces.
     pub medium_scale: f64,
-    light_paths: f64,
-    camera_paths: u32,
+    pub(super) light_paths: f64,
+    pub(super) camera_paths: u32,
     /// Iterations after all areas around gather points are known.
-    iterations: f64,
-    seconds: f64,
-    noise2: f64,
-    bias2: f64,
-    bias2_error: f64,
-    times: TimeModel,
+    pub(super) iterations: f64,
+    pub(super) seconds: f64,
+    pub(super) noise2: f64,
+    pub(super) bias2: f64,
+    pub(super) bias2_error: f64,
+    pub(super) times: TimeModel,
     /// Variance before denoising over `noise2`.
-    before_denoising: f64,
+    pub(super) before_denoising: f64,
     /// Factor on `noise2` where candidates are compared.
-    seen: f64,
+    pub(super) seen: f64,
     /// Whether a trial has measured the technique at these radii.
     pub tried: bool,
 }
@@ -234,44 +214,6 @@ impl CandidateCost {
         }
     }
 
-    /// The best counts for the noise that counts, from the coefficients of the image. Averages over
-    /// several pixels keep the share `blur` of the noise of shared photons.
-    pub fn evaluate_image(
-        &self,
-        (technique, blur): (Technique, f64),
-        image: &Coefficients,
-        time: &RenderTime,
-        merged: &ByClass<ClassBias>,
-        radii: ByClass<f64>,
-    ) -> Best {
-        let Technique { strategy, merge_vertex, .. } = technique;
-        let [left, averaged] =
-            [1.0, blur].map(|kept| left_by_denoiser(strategy, merge_vertex, *image, kept));
-        let variance = |own: &Coefficients, best: &Best| {
-            own.clamped().variance(best.light_paths, f64::from(best.camera_paths))
-        };
-        let raw = self.evaluate(image, time, merged, radii);
-        if self.denoises {
-            let best = self.evaluate(&left, time, merged, radii);
-            let before_denoising = variance(image, &best) / variance(&left, &best);
-            let best = Best { before_denoising, ..best };
-            let is_noisy = best.noise_before_denoising() > LEAST_DENOISED_NOISE;
-            if is_noisy && before_denoising > LEAST_DENOISED_SHARE {
-                return best;
-            }
-        }
-        let spots = SPOTS * (raw.noise2 / VISIBLE_NOISE.powi(2)).min(1.0).powi(2);
-        let counts = *image + averaged * spots;
-        let best = self.evaluate(&counts, time, merged, radii);
-        let seen = variance(&counts, &best) / variance(image, &best);
-        let seen = if seen >= 1.0 { seen } else { 1.0 };
-        let is_spotted = (strategy, merge_vertex) == (Strategy::Single, 1)
-            && raw.is_noise_visible()
-            && matches!(self.end, End::Time(_));
-        let few = if is_spotted { (FEW_SPOTTED / best.iterations).max(1.0) } else { 1.0 };
-        Best { noise2: best.noise2 / seen, seen: seen * few.powi(2), ..best }
-    }
-
     /// Noise that the correction adds, and bias that it leaves, for a class of photons. `variance`
     /// is that of the contribution of the outer annulus: theory.md (71f).
     fn corrected(
@@ -375,21 +317,6 @@ impl Best {
         }
     }
 
-    /// Noise of the image before it is denoised, relative.
-    pub fn noise_before_denoising(&self) -> f64 {
-        (self.noise2 * self.before_denoising).sqrt()
-    }
-
-    /// Whether noise is visible in the image, before it is denoised.
-    pub fn is_noise_visible(&self) -> bool {
-        self.noise_before_denoising() > VISIBLE_NOISE
-    }
-
-    /// Whether a denoiser is expected to remove most of the noise.
-    pub fn is_denoised(&self) -> bool {
-        self.before_denoising > 1.0
-    }
-
     /// The best number of light paths.
     pub fn light_paths(&self) -> f64 {
         self.light_paths
@@ -411,7 +338,6 @@ pub mod tests {
     use super::*;
     use crate::adaptive::count_choice::MIN_ITERATIONS_AFTER_CHOICE;
     use crate::adaptive::technique::start_up::tests::constant;
-    use bdpm_core::settings::{Direct, Kernel};
 
     /// Times of an iteration for the tests of this folder.
     pub fn times() -> TimeModel {
@@ -435,31 +361,6 @@ pub mod tests {
             requested: [1.0; 2],
             medium_scale: 2.0,
             denoises: false,
-        }
-    }
-
-    #[test]
-    fn noise_before_denoising_is_that_of_the_image() {
-        let image = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
-        let merged = <ByClass<ClassBias>>::default();
-        let technique = Technique {
-            strategy: Strategy::Single,
-            merge_vertex: 2,
-            direct: Direct::Connect,
-            kernel: Kernel::Area,
-            splitting: 1,
-            medium_query: None,
-        };
-        let seconds = 100.0;
-        for denoises in [false, true] {
-            let demand = CandidateCost { denoises, ..demand(End::Time(seconds)) };
-            let best = demand.evaluate_image((technique, 1.0), &image, &time(), &merged, [1.0; 2]);
-            let (n_light, n_camera) = (best.light_paths, f64::from(best.camera_paths));
-            let share = times().iteration(n_light, n_camera) / seconds;
-            let expected = (share * image.variance(n_light, n_camera)).sqrt();
-            let own = best.noise_before_denoising();
-            assert!((own / expected - 1.0).abs() < 1e-9, "{own} {expected}");
-            assert_eq!(best.noise2.sqrt() < 0.9 * own, denoises);
         }
     }
 

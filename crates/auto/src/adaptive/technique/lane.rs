@@ -3,14 +3,16 @@
 
 use super::model::ImageMeasurement;
 use super::start_up::{CellGrowth, StartUp};
+use super::trial_runner::TrialRunner;
+use super::{Candidate, largest_sobol_set};
 use crate::adaptive::stopping::luminances;
 use crate::timing::TimeModel;
 use bdpm_core::base::error::Result;
 use bdpm_core::noise::{Coefficients, Measure};
-use bdpm_core::render::Renderer;
 use bdpm_core::render::annulus_moments::annulus_bias2;
 use bdpm_core::render::block;
 use bdpm_core::render::block::{Block, CombinedImage};
+use bdpm_core::render::{RenderConfig, Renderer};
 use bdpm_core::settings::Settings;
 use bdpm_core::transport::photon::PhotonClass;
 use std::time::{Duration, Instant};
@@ -22,6 +24,12 @@ pub const LANE_CAMERA_PATHS: u32 = 2;
 /// Minimum number of iterations of a round: one that is not measured tells the times, and its
 /// neighbors the noise.
 const MIN_ITERATIONS: u64 = 3;
+
+/// Minimum number of light paths of an iteration.
+const LEAST_LIGHT_PATHS: f64 = 1024.0;
+
+/// Added to the seed of the image, so that lanes share no samples with it or with trials.
+const LANE_SEED: u64 = 0x1a9e_5eed_0fa2_ace5;
 
 /// Iterations of a technique on a sample of the pixels.
 pub struct Lane {
@@ -48,6 +56,48 @@ pub struct LaneMeasurement {
     pub error: f64,
     /// Paths of the kind that may have missed light: light paths if there are photons.
     pub paths: f64,
+}
+
+impl TrialRunner<'_> {
+    /// A lane of the race: the candidate on one pixel of each square of `stride` by `stride`
+    /// pixels, with as many of its light paths as take `light` seconds.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn lane(
+        &mut self,
+        candidate: &Candidate,
+        settings: &Settings,
+        (stride, light): (u32, f64),
+    ) -> Result<Lane> {
+        let own = candidate.apply(settings);
+        let mis_scales = Some(own.mis_scales());
+        let known = self.with_areas_of(&own)?;
+        let pixels = self.pixels / f64::from(stride).powi(2);
+        let TimeModel { light_path, merge_pair, .. } = candidate.times;
+        let per_light_path = light_path + merge_pair * pixels * f64::from(LANE_CAMERA_PATHS);
+        let fits = (light / per_light_path).max(LEAST_LIGHT_PATHS);
+        let light_paths =
+            (fits.min(f64::from(own.light_paths)) as u32).clamp(1, self.max_light_paths);
+        let sobol_set = match settings.sobol_set {
+            1 => 1,
+            _ => largest_sobol_set(light_paths),
+        };
+        let own = Settings {
+            light_paths,
+            camera_paths: LANE_CAMERA_PATHS,
+            seed: own.seed.wrapping_add(LANE_SEED),
+            guide: 0,
+            sobol_set,
+            mis_scales,
+            ..own
+        };
+        let light_paths = own.allowed_light_paths(self.max_light_paths).nearest(light_paths);
+        let own = Settings { light_paths, ..own };
+        let renderer = self.renderers[known].sample(own, stride)?.guided(self.guide.clone());
+        let config = RenderConfig { independent_paths: true, ..RenderConfig::default() };
+        Ok(Lane::new(renderer.configure(config)?, candidate.times))
+    }
 }
 
 impl Lane {

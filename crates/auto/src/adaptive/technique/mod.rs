@@ -4,8 +4,9 @@
 //! A pilot beside the image (`pilot.rs`) tries each strategy on a sample of the pixels
 //! (`trial_runner.rs`): at the radii of the settings, and at a large radius, where the merge bias
 //! stands out from the noise. From these trials a model predicts noise, bias and time at all radii
-//! (`model.rs`, `bias_law.rs`). The candidates with the lowest costs (`candidate_cost.rs`) then race
-//! at the radii and path counts that were chosen for them (`race.rs`). See theory.md, section 22a.
+//! (`model.rs`, `bias_law.rs`). The candidates with the lowest costs (`candidate_cost.rs`) then
+//! race at the radii and path counts that were chosen for them (`race.rs`). See theory.md, section
+//! 22a.
 
 mod alternatives;
 mod bias_law;
@@ -17,13 +18,14 @@ mod medium_scale;
 mod model;
 mod pilot;
 mod race;
+mod seen_noise;
 mod seen_surfaces;
 mod start_up;
 mod trial;
 mod trial_runner;
 
 pub use alternatives::{Alternatives, Refuted, TimeShare};
-pub use candidate_cost::{LEAST_DENOISED_NOISE, VISIBLE_NOISE};
+pub use seen_noise::{LEAST_DENOISED_NOISE, VISIBLE_NOISE};
 
 use crate::timing::TimeModel;
 use bdpm_core::base::error::Result;

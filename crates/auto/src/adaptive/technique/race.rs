@@ -259,9 +259,9 @@ mod tests {
     use bdpm_core::scene::backend::{Backend, build};
     use bdpm_load::load;
 
-    /// Radii of the lanes of a race in `scenes/keyhole`, the best first: the same technique at these
-    /// radii.
-    fn raced(radii: [f64; 2]) -> Vec<f64> {
+    /// Radii of the lanes of a race in `scenes/keyhole`, the best first: the same technique at
+    /// these radii.
+    fn raced(radii: [f32; 2]) -> Vec<f32> {
         let loaded = load(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/keyhole")).unwrap();
         let own = Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
         let own = Settings { width: 64, height: 48, merge_vertex: 1, ..own.unwrap() };
@@ -275,8 +275,8 @@ mod tests {
         let trial = runner.trial(&own, None, 0.0).unwrap();
         let weights = vec![1.0; trial.noise.pixels.len()];
         let model = Model::new(Technique::of(&own), &[trial], &weights, scale);
-        let finalist = |radius: f64| {
-            let radii = [radius; 2];
+        let finalist = |radius: f32| {
+            let radii = [f64::from(radius); 2];
             let at = model.clone();
             let coefficients = Coefficients { a: 1e4, b: 1.0, f: 1e4 };
             let best = at.evaluate(&coefficients, &at.time(radii), &demand, radii);
@@ -287,7 +287,7 @@ mod tests {
         let track = Track { runner: &mut runner, settings: &own, demand, scale, least_luminance };
         let ranked = race(field, track, 0.0).unwrap();
         assert!(ranked[0].best.tried);
-        ranked.iter().map(|own| own.best.radii[0]).collect()
+        ranked.iter().map(|own| own.best.radii[0] as f32).collect()
     }
 
     /// Within .4 photons of the bright side of the wall are merged on its dark side.

@@ -1,10 +1,9 @@
 //! Runs trials of techniques on a sample of the pixels of an image.
 
-use super::lane::{LANE_CAMERA_PATHS, Lane};
+use super::Guided;
 use super::seen_surfaces::{footprint, merging_area};
 use super::start_up::CellGrowth;
 use super::trial::Trial;
-use super::{Candidate, Guided, largest_sobol_set};
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
 use crate::timing::measure::{Phase, TimeSample};
@@ -59,9 +58,6 @@ const TRIAL_MEASURING: f64 = 0.75;
 /// Added to the seed of the image, so that trials share no samples with it.
 const TRIAL_SEED: u64 = 0x5eed_0ff0_7e57_ab1e;
 
-/// The same for lanes, so that they share no samples with trials.
-const LANE_SEED: u64 = 0x1a9e_5eed_0fa2_ace5;
-
 /// Factor on the caustic radius of trials that measure one class of photons, if both radii are
 /// equal. It changes the bias by far less than any trial can measure.
 const RADIUS_RATIO: f32 = 0.999;
@@ -87,21 +83,21 @@ pub struct TrialRunner<'a> {
     whole: Renderer,
     scene: &'a Scene,
     /// One renderer for each lookup radius so far. Trials of equal lookup radius share its areas.
-    renderers: Vec<Renderer>,
+    pub(super) renderers: Vec<Renderer>,
     /// Cells that the trials of each of them needed.
     growths: Vec<CellGrowth>,
     /// The sample has one pixel of each square of this many by this many pixels.
     stride: u32,
     /// Where light paths of trials start.
-    guide: Option<Arc<Guide>>,
+    pub(super) guide: Option<Arc<Guide>>,
     /// Wall-clock time of a path of either kind, seconds.
     per_path: f64,
     /// Light paths of an iteration of a trial.
     light_paths: u32,
     /// Light paths of an iteration that the memory allows.
-    max_light_paths: u32,
+    pub(super) max_light_paths: u32,
     /// Pixels of the image.
-    pixels: f64,
+    pub(super) pixels: f64,
     /// Area of the surfaces on which photons are merged, scene units squared.
     area: f64,
     /// Radius of a disc of the area that a pixel sees, median over the image, scene units.
@@ -216,46 +212,6 @@ impl<'a> TrialRunner<'a> {
         })
     }
 
-    /// A lane of the race: the candidate on one pixel of each square of `stride` by `stride`
-    /// pixels, with as many of its light paths as take `light` seconds.
-    ///
-    /// # Errors
-    /// As [`Renderer::new`].
-    pub fn lane(
-        &mut self,
-        candidate: &Candidate,
-        settings: &Settings,
-        (stride, light): (u32, f64),
-    ) -> Result<Lane> {
-        let own = candidate.apply(settings);
-        let mis_scales = Some(own.mis_scales());
-        let known = self.with_areas_of(&own)?;
-        let pixels = self.pixels / f64::from(stride).powi(2);
-        let TimeModel { light_path, merge_pair, .. } = candidate.times;
-        let per_light_path = light_path + merge_pair * pixels * f64::from(LANE_CAMERA_PATHS);
-        let fits = (light / per_light_path).max(TRIAL_PATHS.start);
-        let light_paths =
-            (fits.min(f64::from(own.light_paths)) as u32).clamp(1, self.max_light_paths);
-        let sobol_set = match settings.sobol_set {
-            1 => 1,
-            _ => largest_sobol_set(light_paths),
-        };
-        let own = Settings {
-            light_paths,
-            camera_paths: LANE_CAMERA_PATHS,
-            seed: own.seed.wrapping_add(LANE_SEED),
-            guide: 0,
-            sobol_set,
-            mis_scales,
-            ..own
-        };
-        let light_paths = own.allowed_light_paths(self.max_light_paths).nearest(light_paths);
-        let own = Settings { light_paths, ..own };
-        let renderer = self.renderers[known].sample(own, stride)?.guided(self.guide.clone());
-        let config = RenderConfig { independent_paths: true, ..RenderConfig::default() };
-        Ok(Lane::new(renderer.configure(config)?, candidate.times))
-    }
-
     /// Settings of a trial of the technique of `settings`.
     fn settings_of_trial(&self, settings: &Settings, nests: Option<NestedPart>) -> Settings {
         // As many photons as without splitting, so that trials of all techniques have similar
@@ -358,7 +314,7 @@ impl<'a> TrialRunner<'a> {
 
     /// Index of the renderer with the lookup radius of these settings. Trials share its areas,
     /// because they see mostly the same surfaces.
-    fn with_areas_of(&mut self, settings: &Settings) -> Result<usize> {
+    pub(super) fn with_areas_of(&mut self, settings: &Settings) -> Result<usize> {
         let reach = settings.reach();
         if let Some(same) = self.renderers.iter().position(|own| own.settings().reach() == reach) {
             return Ok(same);
