@@ -4,9 +4,8 @@
 //! scene -> pilot (technique, radii, guide) -> iterations (counts chosen on the way) -> RenderResult
 //! ```
 //!
-//! A job reads and writes no files: [`load`](mod@bdpm_load) loads scenes, and
-//! [`output`](crate::output) writes images from the [`RenderResult`]. An observer sees the
-//! [`RenderState`] of every iteration.
+//! A job reads and writes no files; [`output`](crate::output) writes images from its
+//! [`RenderResult`]. An observer sees the [`RenderState`] after every iteration.
 
 mod asked;
 mod audit;
