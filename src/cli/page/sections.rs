@@ -119,8 +119,7 @@ fn tiles(snapshot: &Snapshot) -> Markup {
     let interval = convergence.and_then(|now| state.error_interval(now));
     let unseen = state.unseen_light().map(|own| format!("no photon has shown {}", own.describe()));
     let parts = split.into_iter().chain(interval.as_ref().map(range)).chain(unseen);
-    let parts: Vec<String> = parts.collect();
-    let more = (!parts.is_empty()).then(|| parts.join("; "));
+    let more = Some(parts.collect::<Vec<String>>().join("; ")).filter(|own| !own.is_empty());
     let elapsed = human_time(state.elapsed().as_secs_f64());
     let iterations = count(snapshot.image.iterations() as f64);
     let speed = state.totals.rays_per_second() / 1e6;

@@ -43,8 +43,8 @@ const ESTIMATE_COST: f64 = 0.02;
 /// Iterations before their mean time tells that of the next.
 const FEW_ITERATIONS: u64 = 8;
 
-/// Factor on the time of an iteration that the pilot predicts: every second one is measured, and the
-/// audit takes its share.
+/// Factor on the time of an iteration that the pilot predicts: every second one is measured, and
+/// the audit takes its share.
 const TIME_MARGIN: f64 = 1.25;
 
 /// Estimates of the noise that take as long as the result at the end.
@@ -128,8 +128,8 @@ impl RenderState {
     }
 
     /// Light that the scene may have, that no camera path finds, and of which no photon was stored:
-    /// too few light paths started to say that there is none. `None` without such light. The photons
-    /// of an earlier run, and photons straight from lights, say nothing about it.
+    /// too few light paths started to say that there is none. `None` without such light. The
+    /// photons of an earlier run, and photons straight from lights, say nothing about it.
     pub fn unseen_light(&self) -> Option<CausticLight> {
         let settings = self.renderer.settings();
         let says_nothing = self.earlier > 0.0 || settings.direct != Direct::Connect;
