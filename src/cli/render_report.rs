@@ -41,6 +41,9 @@ pub struct RenderReport<'a> {
     pub promise: Option<Promise>,
     /// Error and time of denoising.
     pub denoised: Option<DenoisedReport>,
+    /// Mean luminance before denoising, W/(m^2 sr).
+    #[serde(skip)]
+    pub raw_luminance: f64,
     /// Techniques that were tried, the chosen one first.
     pub technique: Option<&'a Selection>,
     /// Forecast of the rendering time of this run, when half of it had passed.
@@ -77,6 +80,7 @@ impl<'a> RenderReport<'a> {
             promise: state.promise().copied(),
             error: result.error,
             denoised: result.denoised,
+            raw_luminance: luminance,
             technique: result.selection(),
             half_way: state.half_way(),
             merge_bias: result.merge_bias.as_ref(),
@@ -191,6 +195,7 @@ pub fn text(report: &RenderReport, is_verbose: bool) -> String {
     );
     text += &error(report);
     text += &report.denoised.as_ref().map_or(String::new(), denoised);
+    text += &changed_light(report);
     text += &outlook(report);
     if let Some(unseen) = &report.unseen_light {
         text += &format!(
@@ -223,6 +228,24 @@ pub fn text(report: &RenderReport, is_verbose: bool) -> String {
     text
 }
 
+/// Difference between the mean luminances of the denoised and the raw image from which on a warning
+/// tells it.
+const NOTABLE_CHANGE: f64 = 0.03;
+
+/// A warning if denoising has changed the mean luminance, as it does where flashes of few
+/// iterations look like light.
+fn changed_light(report: &RenderReport) -> String {
+    let change = report.run.mean_luminance / report.raw_luminance - 1.0;
+    if report.denoised.is_none() || !change.is_finite() || change.abs() < NOTABLE_CHANGE {
+        return String::new();
+    }
+    format!(
+        "warning: denoising changed the mean luminance by {:+.0} %; that of the raw image is right but \
+         for its noise\nhelp: render longer, or use --no-denoise for measurements\n",
+        100.0 * change
+    )
+}
+
 /// The time that would halve the error of an image that a time ended, or state it.
 fn outlook(report: &RenderReport) -> String {
     let run = &report.run;
@@ -232,7 +255,10 @@ fn outlook(report: &RenderReport) -> String {
     let Seconds { total, render, .. } = run.seconds;
     let time = |factor: f64| human_time((total + (factor - 1.0) * render).ceil());
     let Some(RelativeError { total: error, .. }) = report.error else {
-        return format!("its error would be known after {}\n", time(4.0));
+        return match report.relative_rms {
+            None => format!("its error would be known after {}\n", time(4.0)),
+            Some(_) => String::new(), // Other objectives state their noise.
+        };
     };
     let denoised = report.denoised.as_ref().filter(|own| !own.is_raw);
     let (error, factor) = match denoised {

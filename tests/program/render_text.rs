@@ -60,7 +60,7 @@ fn result_has_one_time_and_json_has_its_parts() {
     let parts = seconds("pilot") + seconds("render");
     assert!(seconds("pilot") > 0.0 && seconds("render") > 0.0, "{report}");
     assert!(parts <= seconds("total"), "{report}");
-    let options = ["--time", "1s", "--objective", "pooled", "--verbose"];
+    let options = ["--time", "1s", "--objective", "pooled", "--verbose", "--no-denoise"];
     let output = succeed(automatic(folder.path(), &options));
     let shown = stdout(&output);
     let total = shown.split(" iterations in ").nth(1).unwrap().lines().next().unwrap();
