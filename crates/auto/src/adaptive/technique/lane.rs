@@ -1,10 +1,10 @@
 //! A lane of the race: iterations of a technique at its real radii and number of light paths, on a
 //! sample of the pixels.
 
+use super::Candidate;
 use super::model::ImageMeasurement;
-use super::start_up::{CellGrowth, StartUp};
+use super::start_up::StartUp;
 use super::trial_runner::TrialRunner;
-use super::{Candidate, largest_sobol_set};
 use crate::adaptive::stopping::luminances;
 use crate::timing::TimeModel;
 use bdpm_core::base::error::Result;
@@ -38,8 +38,8 @@ pub struct Lane {
     expected: TimeModel,
     /// Pixels of the image.
     pixels: f64,
-    /// Cells of the areas that these iterations needed.
-    growth: CellGrowth,
+    /// Index of the areas of its radii, which other lanes and trials share.
+    areas: usize,
     /// Thread time of areas in iterations that were not measured.
     area_time: Duration,
 }
@@ -79,40 +79,35 @@ impl TrialRunner<'_> {
         let fits = (light / per_light_path).max(LEAST_LIGHT_PATHS);
         let light_paths =
             (fits.min(f64::from(own.light_paths)) as u32).clamp(1, self.max_light_paths);
-        let sobol_set = match settings.sobol_set {
-            1 => 1,
-            _ => largest_sobol_set(light_paths),
-        };
+        // Without sets of light paths, as in trials.
         let own = Settings {
             light_paths,
             camera_paths: LANE_CAMERA_PATHS,
             seed: own.seed.wrapping_add(LANE_SEED),
             guide: 0,
-            sobol_set,
+            sobol_set: 1,
             mis_scales,
             ..own
         };
-        let light_paths = own.allowed_light_paths(self.max_light_paths).nearest(light_paths);
-        let own = Settings { light_paths, ..own };
         let renderer = self.renderers[known].sample(own, stride)?.guided(self.guide.clone());
         let config = RenderConfig { independent_paths: true, ..RenderConfig::default() };
-        Ok(Lane::new(renderer.configure(config)?, candidate.times))
+        Ok(Lane::new(renderer.configure(config)?, candidate.times, known))
     }
 }
 
 impl Lane {
     /// A lane without iterations. `times` are those of an image of so many pixels.
-    pub fn new(renderer: Renderer, times: TimeModel) -> Self {
+    fn new(renderer: Renderer, times: TimeModel, areas: usize) -> Self {
         let expected = TimeModel { pixels: renderer.settings().pixels() as f64, ..times };
-        let (growth, area_time) = (CellGrowth::default(), Duration::ZERO);
-        Self { renderer, expected, pixels: times.pixels, growth, area_time }
+        Self { renderer, expected, pixels: times.pixels, areas, area_time: Duration::ZERO }
     }
 
     /// Renders for some seconds. Every second iteration is measured.
     ///
     /// # Errors
     /// If the user has interrupted the program.
-    pub fn go_on(&mut self, seconds: f64) -> Result<()> {
+    pub fn go_on(&mut self, runner: &mut TrialRunner, seconds: f64) -> Result<()> {
+        let growth = &mut runner.growths[self.areas];
         let begun = Instant::now();
         let camera_paths = f64::from(LANE_CAMERA_PATHS) * self.expected.pixels;
         let mut done = 0;
@@ -122,7 +117,7 @@ impl Lane {
             let before = self.renderer.area_work();
             self.renderer.iterate(measure);
             let work = self.renderer.area_work().since(before);
-            self.growth.add(number as usize, camera_paths, work);
+            growth.add_of_lane(number as usize, camera_paths, work);
             if measure == Measure::Off {
                 self.area_time += work.time;
             }
@@ -140,8 +135,8 @@ impl Lane {
 
     /// What the iterations so far have measured, with these weights of the pixels' squared errors;
     /// `None` before noise and times are known.
-    pub fn measured(&self, weights: &[f64]) -> Option<LaneMeasurement> {
-        let blocks = self.renderer.blocks();
+    pub fn measured(&self, runner: &TrialRunner, weights: &[f64]) -> Option<LaneMeasurement> {
+        let (blocks, growth) = (self.renderer.blocks(), &runner.growths[self.areas]);
         let Block { film, counts, .. } = self.renderer.block();
         let cells = weights.len() as f64;
         let coefficients = block::coefficients(blocks)?;
@@ -175,7 +170,7 @@ impl Lane {
                 annulus_bias2: annulus_bias2(blocks, &[1.0], weights),
                 times: self.times()?,
             },
-            start_up: self.growth.start_up(rayon::current_num_threads()).filter(|_| has_photons),
+            start_up: growth.start_up(rayon::current_num_threads()).filter(|_| has_photons),
             luminance,
             error: error2.sqrt(),
             paths: each * iterations,

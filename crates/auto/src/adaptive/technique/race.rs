@@ -93,7 +93,7 @@ pub fn race(mut field: Vec<Finalist>, mut track: Track, seconds: f64) -> Result<
     for number in 1..=PARTS {
         let running = racers.len();
         for racer in &mut racers {
-            racer.lane.go_on(part / running as f64)?;
+            racer.lane.go_on(track.runner, part / running as f64)?;
         }
         racers.append(&mut beaten);
         track.judge(&mut racers);
@@ -155,10 +155,8 @@ impl Track<'_, '_> {
     fn begin(&mut self, finalist: Finalist, shape: Shape) -> Result<Racer> {
         let Finalist { model, best, .. } = &finalist;
         let candidate = best.scored(model.technique);
-        let (lane, light_paths) = (
-            self.runner.lane(&candidate, self.settings, (shape.stride, shape.light))?,
-            f64::from(candidate.light_paths),
-        );
+        let light_paths = f64::from(candidate.light_paths);
+        let lane = self.runner.lane(&candidate, self.settings, (shape.stride, shape.light))?;
         Ok(Racer { finalist, lane, light_paths, measured: None, matched: None })
     }
 
@@ -174,7 +172,7 @@ impl Track<'_, '_> {
         luminance.iter_mut().for_each(|sum| *sum /= count);
         let weights = luminance_weights(&luminance);
         for racer in &mut *racers {
-            racer.measured = racer.lane.measured(&weights);
+            racer.measured = racer.lane.measured(self.runner, &weights);
         }
         let sharp: Vec<Seen> = racers.iter().filter_map(Racer::seen).collect();
         for racer in racers {

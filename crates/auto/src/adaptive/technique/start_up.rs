@@ -17,11 +17,14 @@ const ENOUGH_REPEATED: f64 = 100.0;
 
 /// Cells that the measured iterations of trials needed which share areas.
 ///
-/// Equal iterations of these trials trace the same camera paths, because trials have equal seeds.
+/// Equal iterations of these trials trace the same camera paths, because trials have equal seeds. So
+/// do those of lanes, which follow the trials.
 #[derive(Clone, Debug, Default)]
 pub struct CellGrowth {
     /// Camera paths of each iteration, and cells that were new in it.
     iterations: Vec<[f64; 2]>,
+    /// Index of the first iteration of lanes, once there is one.
+    lanes_from: Option<usize>,
     /// Thread time of all cells, seconds.
     seconds: f64,
 }
@@ -99,6 +102,12 @@ impl CellGrowth {
         }
         self.iterations[iteration][1] += work.cells as f64;
         self.seconds += work.time.as_secs_f64();
+    }
+
+    /// The same for an iteration of one of the lanes, after all trials.
+    pub fn add_of_lane(&mut self, iteration: usize, camera_paths: f64, work: CellWork) {
+        let from = *self.lanes_from.get_or_insert(self.iterations.len());
+        self.add(from + iteration, camera_paths, work);
     }
 
     /// Cells after this number of camera paths.
@@ -207,6 +216,22 @@ pub mod tests {
                 assert!(each > 1000.0 || known < 0.3 * whole, "{name}: {known} {whole}");
             }
         }
+    }
+
+    /// Lanes at equal radii trace the same camera paths, and find the cells of trials computed.
+    #[test]
+    fn lanes_continue_the_growth_of_trials() {
+        let work = |cells: u64| CellWork { cells, time: Duration::from_millis(cells) };
+        let mut growth = CellGrowth::default();
+        (0..4).for_each(|number| growth.add(number, 100.0, work(50)));
+        let mut continued = growth.clone();
+        for lane in [60, 0] {
+            (0..2).for_each(|number| continued.add_of_lane(number, 200.0, work(lane)));
+        }
+        assert_eq!(continued.cells(400.0), growth.cells(400.0));
+        assert_eq!(continued.cells(800.0), growth.cells(400.0) + 120.0);
+        let [more, few] = [&continued, &growth].map(|own| own.start_up(1).unwrap());
+        assert!(more.seconds(800.0) > few.seconds(400.0));
     }
 
     #[test]

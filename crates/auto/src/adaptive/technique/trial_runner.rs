@@ -85,7 +85,7 @@ pub struct TrialRunner<'a> {
     /// One renderer for each lookup radius so far. Trials of equal lookup radius share its areas.
     pub(super) renderers: Vec<Renderer>,
     /// Cells that the trials of each of them needed.
-    growths: Vec<CellGrowth>,
+    pub(super) growths: Vec<CellGrowth>,
     /// The sample has one pixel of each square of this many by this many pixels.
     stride: u32,
     /// Where light paths of trials start.
