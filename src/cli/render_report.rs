@@ -195,7 +195,9 @@ pub fn text(report: &RenderReport, is_verbose: bool) -> String {
     );
     text += &error(report);
     text += &report.denoised.as_ref().map_or(String::new(), denoised);
-    text += &changed_light(report);
+    if report.denoised.is_some() {
+        text += &changed_light(report.raw_luminance, run.mean_luminance);
+    }
     text += &outlook(report);
     if let Some(unseen) = &report.unseen_light {
         text += &format!(
@@ -232,11 +234,11 @@ pub fn text(report: &RenderReport, is_verbose: bool) -> String {
 /// tells it.
 const NOTABLE_CHANGE: f64 = 0.03;
 
-/// A warning if denoising has changed the mean luminance, as it does where flashes of few
-/// iterations look like light.
-fn changed_light(report: &RenderReport) -> String {
-    let change = report.run.mean_luminance / report.raw_luminance - 1.0;
-    if report.denoised.is_none() || !change.is_finite() || change.abs() < NOTABLE_CHANGE {
+/// A warning if denoising has changed the mean luminance from `raw` to `shown`, as it does where
+/// flashes of few iterations look like light.
+fn changed_light(raw: f64, shown: f64) -> String {
+    let change = shown / raw - 1.0;
+    if !change.is_finite() || change.abs() < NOTABLE_CHANGE {
         return String::new();
     }
     format!(
@@ -465,4 +467,18 @@ fn path_counts(report: &RenderReport) -> String {
         );
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_of_the_light_by_the_denoiser_are_told() {
+        assert!(changed_light(1.0, 1.24).contains(" by +24 %;"));
+        assert!(changed_light(1.0, 0.92).contains(" by -8 %;"));
+        for (raw, shown) in [(1.0, 1.02), (0.0, 0.0), (1.0, 0.98)] {
+            assert_eq!(changed_light(raw, shown), "");
+        }
+    }
 }
