@@ -17,8 +17,8 @@ const ENOUGH_REPEATED: f64 = 100.0;
 
 /// Cells that the measured iterations of trials needed which share areas.
 ///
-/// Equal iterations of these trials trace the same camera paths, because trials have equal seeds. So
-/// do those of lanes, which follow the trials.
+/// Equal iterations of these trials trace the same camera paths, because trials have equal seeds.
+/// So do those of lanes, which follow the trials.
 #[derive(Clone, Debug, Default)]
 pub struct CellGrowth {
     /// Camera paths of each iteration, and cells that were new in it.
