@@ -55,9 +55,17 @@ fn lead(snapshot: &Snapshot, left: Option<f64>) -> Markup {
     let now = state.status.convergence.as_ref();
     let now = now.and_then(|convergence| error(state, convergence, 1.0));
     let left = left.filter(|_| snapshot.report.is_none());
+    // The picture that was asked for is the denoised one, if there is one.
+    let denoised = state.denoised().map(|denoised| denoised.error.as_ref());
+    let of_denoised = denoised.flatten().map(|error| percent(error.whole.relative()));
     html! {
         "After " (human_time(elapsed))
-        @if let Some(now) = now {
+        @if let Some(error) = of_denoised {
+            " the error of the denoised picture is about " b { (error) } " of "
+            (error_reference(&state.stop)) "."
+        } @else if denoised.is_some() {
+            " the error of the denoised picture is not known."
+        } @else if let Some(now) = now {
             " the error of the picture is about " b { (percent(now)) } " of "
             (error_reference(&state.stop)) "."
         } @else {
