@@ -112,7 +112,7 @@ impl CountChooser<'_> {
         let scale =
             scale / left * pooled_share(stop.objective, &smoothed, &renderer.block().counts, grid);
         let (fewest, most) = renderer.allowed_light_paths().bounds().into_inner();
-        let least = match settings.has_photons() {
+        let least = match settings.shares_light() {
             true => (least_light_paths(&self.times) as u32).clamp(fewest, most),
             false => fewest,
         };
@@ -128,7 +128,7 @@ impl CountChooser<'_> {
         let longest = self.longest_iteration(|time| problem(&smoothed, time), scale);
         let pooled = problem(&smoothed, longest);
         let uniform = pooled.shortest_uniform(NEAR_OPTIMUM);
-        let per_pixel = match settings.has_photons() {
+        let per_pixel = match settings.shares_light() {
             true => Some(pooled.shortest_per_pixel(NEAR_OPTIMUM)),
             false => self.noise_of_paths(grid).and_then(|noise| {
                 by_neighbors(noise, grid.size(), |cells| problem(cells, longest), &uniform)
@@ -232,7 +232,7 @@ impl CountChooser<'_> {
     fn fitting_counts(&self, chosen: &Counts) -> Option<Counts> {
         let Self { renderer, stop, .. } = self;
         let left = stop.time.map(|time| time.as_secs_f64() - self.elapsed);
-        let left = left.filter(|_| is_large(renderer) && renderer.settings().has_photons())?;
+        let left = left.filter(|_| is_large(renderer) && renderer.settings().shares_light())?;
         let light_paths = fitting_light_paths(&self.times, chosen, left)?;
         let light_paths = renderer.allowed_light_paths().at_most(light_paths);
         Some(Counts { light_paths, ..chosen.clone() })

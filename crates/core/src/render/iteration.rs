@@ -70,6 +70,13 @@ impl Renderer {
             build_time += self.medium_photons.build(&self.light_paths, &kernel, &surroundings);
         }
 
+        // Fill the cache with the suffixes of full camera paths
+        let mut suffixes = mem::take(&mut self.suffixes);
+        if self.settings.has_cache() {
+            suffixes.fill(self, block.counts.light_paths, (number, interrupt.as_deref()));
+        }
+        self.suffixes = suffixes;
+
         // Camera phase and merge: each thread traces and merges the camera paths of some tiles
         let (pass, merge) = self.passes(number);
         let mut render_tiles = || {
@@ -78,7 +85,9 @@ impl Renderer {
             let grid = CellGrid::of(self.settings.resolution());
             let measured = MeasuredPixels::new(grid, self.config.grain, iteration);
             let leaves_out_direct = self.config.unfindable_only;
-            let job = Job { measured, leaves_out_direct, interrupt: interrupt.as_deref(), ..job };
+            let cache_bias = self.suffixes.bias();
+            let interrupt = interrupt.as_deref();
+            let job = Job { measured, leaves_out_direct, cache_bias, interrupt, ..job };
             TileBatches::new(&mut tiles, job.tiles_per_batch())
                 .par_bridge()
                 .for_each_init(|| self.workers.lease(), |worker, tiles| worker.render(&job, tiles));
@@ -141,6 +150,7 @@ impl Renderer {
             points: CameraPoints::of(settings, iteration)
                 .filter(|_| !self.config.independent_paths),
             directions: self.directions(),
+            cache: self.suffixes.cache(),
         };
         let options = MergeOptions {
             mis,
