@@ -39,12 +39,17 @@ pub fn min_iterations_after_choice(ranks: u32) -> f64 {
 /// share of the time.
 const LEAST_LIGHT_TIME: f64 = 0.07;
 
-/// Number of light paths below which they take less than [`LEAST_LIGHT_TIME`]; 0 if they take no
-/// time.
-pub fn least_light_paths(times: &TimeModel) -> f64 {
+/// Minimum number of suffix paths that fill a cache: with fewer, most cells have too few records,
+/// so that camera paths go on as if there were no cache. theory.md, section 11c
+const LEAST_SUFFIX_PATHS: f64 = 8192.0;
+
+/// Number of light paths below which they take less than [`LEAST_LIGHT_TIME`], 0 if they take no
+/// time; with a cache not less than [`LEAST_SUFFIX_PATHS`].
+pub fn least_light_paths(times: &TimeModel, has_cache: bool) -> f64 {
     let [base, per_light_path] = times.in_light_paths(1.0);
     let least = LEAST_LIGHT_TIME * base / per_light_path;
-    if least.is_finite() { least } else { 0.0 }
+    let least = if least.is_finite() { least } else { 0.0 };
+    if has_cache { least.max(LEAST_SUFFIX_PATHS) } else { least }
 }
 
 /// Minimum share of the time that a new block must save. A smaller gain is lost to the block's own
@@ -113,7 +118,10 @@ impl CountChooser<'_> {
             scale / left * pooled_share(stop.objective, &smoothed, &renderer.block().counts, grid);
         let (fewest, most) = renderer.allowed_light_paths().bounds().into_inner();
         let least = match settings.shares_light() {
-            true => (least_light_paths(&self.times) as u32).clamp(fewest, most),
+            true => {
+                let least = least_light_paths(&self.times, settings.has_cache());
+                (least as u32).clamp(fewest, most)
+            }
             false => fewest,
         };
         let problem = |cells: &[Coefficients], iteration_time| {

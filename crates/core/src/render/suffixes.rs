@@ -9,6 +9,7 @@ use crate::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
 use crate::transport::suffix_cache::{SuffixCache, SuffixRecord, SuffixRecorder};
 use glam::DVec3;
 use rayon::prelude::*;
+use std::mem;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -69,6 +70,21 @@ impl Places {
     }
 }
 
+impl Renderer {
+    /// Fills the cache of an iteration, if the strategy has one.
+    pub(super) fn fill_cache(
+        &mut self,
+        count: u32,
+        (iteration, interrupt): (u64, Option<&AtomicBool>),
+    ) {
+        if self.settings.has_cache() {
+            let mut suffixes = mem::take(&mut self.suffixes);
+            suffixes.fill(self, count, (iteration, interrupt));
+            self.suffixes = suffixes;
+        }
+    }
+}
+
 impl Suffixes {
     /// The cache of the current iteration.
     pub fn cache(&self) -> Option<&SuffixCache> {
@@ -96,7 +112,7 @@ impl Suffixes {
     }
 
     /// Traces `count` paths of an iteration, and fills the cache with their suffixes.
-    pub fn fill(
+    fn fill(
         &mut self,
         renderer: &Renderer,
         count: u32,

@@ -242,7 +242,8 @@ fn denoised_report(state: &RenderState, convergence: &Convergence) -> Option<Den
 }
 
 fn relative_error(state: &RenderState, convergence: &Convergence) -> Option<RelativeError> {
-    // Where pixels share no light, there is no bias. Otherwise, no estimate means that it is unknown.
+    // Where pixels share no light, there is no bias. Otherwise, no estimate means that it is
+    // unknown.
     let may_blur = state.provenance.settings.shares_light();
     let has_bias = state.stop.bias2 > 0.0 || state.stop.difference.is_some();
     if may_blur && !has_bias && convergence.bias2.is_none() {
