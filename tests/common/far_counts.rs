@@ -103,6 +103,14 @@ pub fn assert_far_counts(direct: Direct, merge_vertex: u32, kernel: Kernel) {
     let mis_scales = Some(MisScales { light_paths: 1000, scales: [0.4; 2] });
     let settings = Settings { mis_scales, ..by_way(asked) };
     let name = format!("{direct:?} {kernel:?} k={merge_vertex}");
-    Subject { name, scene: &furnished_box(), settings, few: 300, iterations: 2500, quiet: 1.0, most: 0.03 }
-        .assert_far_counts(&[(30_000, 4, 130), (300, 100, 500), (3000, 25, 250)]);
+    Subject {
+        name,
+        scene: &furnished_box(),
+        settings,
+        few: 300,
+        iterations: 2500,
+        quiet: 1.0,
+        most: 0.03,
+    }
+    .assert_far_counts(&[(30_000, 4, 130), (300, 100, 500), (3000, 25, 250)]);
 }

@@ -37,8 +37,16 @@ fn noise_in_media_is_predicted() {
         let scene = &foggy_room();
         // Two standard errors: .03 with the 144 pixels of `far_counts::assert_far_counts`, hence
         // .03 sqrt(144/64) with these 64.
-        far_counts::Subject { name, scene, settings, few: 300, iterations: 3000, quiet: 1.0, most: 0.045 }
-            .assert_far_counts(&[(6000, 4, 300), (300, 60, 400)]);
+        far_counts::Subject {
+            name,
+            scene,
+            settings,
+            few: 300,
+            iterations: 3000,
+            quiet: 1.0,
+            most: 0.045,
+        }
+        .assert_far_counts(&[(6000, 4, 300), (300, 60, 400)]);
     }
 }
 

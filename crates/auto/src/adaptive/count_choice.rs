@@ -41,7 +41,7 @@ const LEAST_LIGHT_TIME: f64 = 0.07;
 
 /// Minimum number of suffix paths that fill a cache: with fewer, most cells have too few records,
 /// so that camera paths go on as if there were no cache. theory.md, section 11c
-const LEAST_SUFFIX_PATHS: f64 = 8192.0;
+pub const LEAST_SUFFIX_PATHS: u32 = 8192;
 
 /// Number of light paths below which they take less than [`LEAST_LIGHT_TIME`], 0 if they take no
 /// time; with a cache not less than [`LEAST_SUFFIX_PATHS`].
@@ -49,7 +49,7 @@ pub fn least_light_paths(times: &TimeModel, has_cache: bool) -> f64 {
     let [base, per_light_path] = times.in_light_paths(1.0);
     let least = LEAST_LIGHT_TIME * base / per_light_path;
     let least = if least.is_finite() { least } else { 0.0 };
-    if has_cache { least.max(LEAST_SUFFIX_PATHS) } else { least }
+    if has_cache { least.max(LEAST_SUFFIX_PATHS.into()) } else { least }
 }
 
 /// Minimum share of the time that a new block must save. A smaller gain is lost to the block's own

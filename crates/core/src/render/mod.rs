@@ -57,9 +57,9 @@ use accumulators::SharedStatistics;
 use block::Block;
 use direction_learning::LearnedDirections;
 use memory::{bytes_per_light_path, check_memory, film_bytes};
-use suffixes::Suffixes;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use suffixes::Suffixes;
 use worker::Worker;
 
 /// Maximum number of blocks of a render that chooses its counts. Each block keeps its own sums in

@@ -25,9 +25,8 @@ impl IterationReport {
     /// Collects the counters of the iteration that began at `start`. The photon map took
     /// `build_time` on all threads together.
     pub(super) fn new(renderer: &mut Renderer, build_time: Duration, start: Instant) -> Self {
-        let Renderer {
-            light_paths, photon_map, medium_photons, suffixes, workers, config, ..
-        } = renderer;
+        let Renderer { light_paths, photon_map, medium_photons, suffixes, workers, config, .. } =
+            renderer;
         let mut report = Self {
             rays: light_paths.rays() + suffixes.rays(),
             light_paths: light_paths.count() + suffixes.count(),

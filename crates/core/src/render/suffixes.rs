@@ -147,9 +147,8 @@ impl Suffixes {
             let records: Vec<SuffixRecord> = paths.end_suffixes().into_iter().map(own).collect();
             (records, paths.rays - rays, start.elapsed())
         };
-        let traced: Vec<_> = batches
-            .map_init(|| self.workers.lease(), |paths, batch| trace(paths, batch))
-            .collect();
+        let traced: Vec<_> =
+            batches.map_init(|| self.workers.lease(), |paths, batch| trace(paths, batch)).collect();
         self.records.clear();
         (self.count, self.rays, self.busy) = (u64::from(count), 0, Duration::ZERO);
         for (records, rays, busy) in traced {

@@ -63,8 +63,7 @@ struct Traits {
 
 impl Strategy {
     /// All strategies.
-    pub const ALL: [Self; 5] =
-        [Self::Single, Self::Mis, Self::CutMis, Self::Path, Self::Gather];
+    pub const ALL: [Self; 5] = [Self::Single, Self::Mis, Self::CutMis, Self::Path, Self::Gather];
 
     #[inline(always)] // part of vector loops, as the functions below
     const fn traits(self) -> Traits {

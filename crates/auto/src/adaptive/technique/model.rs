@@ -287,7 +287,11 @@ impl Model {
     /// of the noise of discs.
     fn with_discs(&self, best: &Best, radius: f64) -> f64 {
         let pixels = radius / (DISC_PIXELS * self.footprint * PI.sqrt());
-        if best.is_noise_visible() && self.technique.merges() { pixels.max(1.0).powi(4) } else { 1.0 }
+        if best.is_noise_visible() && self.technique.merges() {
+            pixels.max(1.0).powi(4)
+        } else {
+            1.0
+        }
     }
 
     /// The model that agrees with what an image has measured at its radii. How noise and bias

@@ -38,10 +38,10 @@ use directions::{diffuse_directions, guided_vertices};
 pub use medium::{MediumBeam, MediumPoint};
 use mis::LastVertex;
 pub use points::CameraPoints;
-pub use suffixes::CachedLight;
 use points::FirstVertex;
 use shadow_rays::Connections;
 use std::{array::from_fn, mem};
+pub use suffixes::CachedLight;
 pub(super) use {meter::at_pane, non_diffuse::survives_passing};
 
 /// Pixel and number of a camera path, which determine its random numbers.
