@@ -1,10 +1,10 @@
 //! A lane of the race: iterations of a technique at its real radii and number of light paths, on a
 //! sample of the pixels.
 
-use super::{Candidate, largest_sobol_set};
 use super::model::ImageMeasurement;
 use super::start_up::StartUp;
 use super::trial_runner::TrialRunner;
+use super::{Candidate, largest_sobol_set};
 use crate::adaptive::count_choice::LEAST_SUFFIX_PATHS;
 use crate::adaptive::stopping::luminances;
 use crate::timing::TimeModel;
