@@ -8,7 +8,7 @@ use super::compared_trials::disagrees;
 use super::model::{ENOUGH_FOUND, ImageScale, LARGEST_SCALE, Model};
 use super::race::{Track, race};
 use super::seen_surfaces::width_seen;
-use super::trial::Trial;
+use super::trial::{Trial, missed_share};
 use super::trial_runner::TrialRunner;
 use super::{End, FreeParameters, Selection, Technique};
 use bdpm_core::base::error::Result;
@@ -149,6 +149,8 @@ pub struct Finalist {
     pub best: Best,
     /// It is kept only for an image whose audit refutes all others.
     pub is_reserve: bool,
+    /// Share of the light that its first trial lacked beside the others, on the same pixels.
+    pub missed: f64,
 }
 
 impl Pilot<'_> {
@@ -269,7 +271,8 @@ impl Pilot<'_> {
         let finalist = |tried: &Tried| {
             let model = self.model(tried, &weights);
             let best = model.best(&self.demand);
-            Finalist { model, best, is_reserve: tried.is_reserve }
+            let missed = missed_share(tried.trials[0].luminance(), self.least_luminance);
+            Finalist { model, best, is_reserve: tried.is_reserve, missed }
         };
         let field: Vec<Finalist> = self.tried.iter().map(finalist).collect();
         let track = Track {

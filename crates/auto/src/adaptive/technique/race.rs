@@ -174,7 +174,8 @@ impl Track<'_, '_> {
             racer.measured = racer.lane.measured(self.runner, &weights);
         }
         let sharp: Vec<Seen> = racers.iter().filter_map(Racer::seen).collect();
-        // Trials saw other pixels, whose mean luminance may differ by as much as missing light.
+        // Trials saw other pixels, whose mean luminance may differ by as much as missing light, so
+        // that they tell its share alone.
         // Lanes that merge nothing are compared with the sharpest of the others.
         let reaches = sharp.iter().map(|own| own.reach).filter(|reach| *reach > 0.0);
         let sharpest = reaches.fold(f64::INFINITY, f64::min);
@@ -217,7 +218,8 @@ impl Racer {
         let model = self.finalist.model.matched(image, track.scale);
         let model = model.with_start_up(image.radii, *start_up);
         // theory.md (93f)
-        let missed = paths * missed_share(*luminance, least).powi(2);
+        let share = missed_share(*luminance, least).max(self.finalist.missed);
+        let missed = paths * share.powi(2);
         let missed = match model.technique.merges() {
             true => Coefficients { f: missed, ..Coefficients::default() },
             false => Coefficients { b: missed, ..Coefficients::default() },
@@ -249,7 +251,8 @@ impl Racer {
             (false, true) => finalist.best.tried(false),
             (false, false) => return None,
         };
-        Some(Finalist { model: model.clone(), best, is_reserve: false })
+        let missed = finalist.missed;
+        Some(Finalist { model: model.clone(), best, is_reserve: false, missed })
     }
 }
 
@@ -283,7 +286,7 @@ mod tests {
             let at = model.clone();
             let coefficients = Coefficients { a: 1e4, b: 1.0, f: 1e4 };
             let best = at.evaluate(&coefficients, &at.time(radii), &demand, radii);
-            Finalist { model: at, best, is_reserve: false }
+            Finalist { model: at, best, is_reserve: false, missed: 0.0 }
         };
         let field = radii.map(finalist).into_iter().collect();
         let track = Track { runner: &mut runner, settings: &own, demand, scale };
