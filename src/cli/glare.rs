@@ -231,7 +231,7 @@ fn require_repetition(
 fn bias_note(images: &[RadianceImage]) -> Option<String> {
     let merges = |image: &RadianceImage| {
         let made_by = Provenance::from_metadata(&image.metadata);
-        made_by.is_ok_and(|made_by| made_by.settings.has_photons())
+        made_by.is_ok_and(|made_by| made_by.settings.shares_light())
     };
     let biases: Vec<Option<f64>> = images
         .iter()
@@ -259,9 +259,9 @@ fn independent_noise(image: &RadianceImage) -> std::result::Result<&[f32], &'sta
     let made_by = made_by.map_err(|_| {
         "the image does not state its settings: give several images of the view with other seeds"
     })?;
-    match made_by.settings.has_photons() {
+    match made_by.settings.shares_light() {
         true => Err(
-            "pixels share photons: give several images of the view, each with its own --seed, or render with --strategy path",
+            "pixels share photons or a cache: give several images of the view, each with its own --seed, or render with --strategy path",
         ),
         false => Ok(noise),
     }
