@@ -89,7 +89,8 @@ fn lens_is_that_of_the_file_and_contradictions_are_refused() {
     assert_ne!(other["vertical_illuminance"], own["vertical_illuminance"]);
 }
 
-/// Standard errors of pixels that share no photons give uncertainties of the ratings.
+/// Standard errors of pixels that share neither photons nor a cache give uncertainties of the
+/// ratings.
 #[test]
 fn path_traced_images_have_uncertainties_and_others_a_reason() {
     let folder = tempfile::tempdir().unwrap();
@@ -97,6 +98,10 @@ fn path_traced_images_have_uncertainties_and_others_a_reason() {
     let photons = json(&glare(&rendered(folder.path(), "a.exr", camera, &[]), &[]));
     assert!(photons["expanded"].is_null(), "{photons}");
     assert!(photons["without_uncertainty"].as_str().unwrap().contains("photons"), "{photons}");
+    let cached = rendered(folder.path(), "c.exr", camera, &["--strategy", "gather"]);
+    let cached = json(&glare(&cached, &[]));
+    assert!(cached["expanded"].is_null(), "{cached}");
+    assert!(cached["without_uncertainty"].as_str().unwrap().contains("cache"), "{cached}");
     let path = rendered(folder.path(), "b.exr", camera, &["--strategy", "path"]);
     let traced = json(&glare(&path, &[]));
     assert!(traced["without_uncertainty"].is_null(), "{traced}");
