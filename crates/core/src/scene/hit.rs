@@ -5,7 +5,7 @@ use super::diffuse::{DiffuseVertices, TriangleSide};
 use super::normal_map::Tangent;
 use super::shading::with_lost_light;
 use super::transform::Transform;
-use super::triangle::{interpolate, to_front};
+use super::triangle::{interpolate, refined, to_front};
 use super::{Corners, Material, Placement, Scene, Surface, Triangle};
 use crate::accel::{Hit, HitPacket, Ray};
 use crate::base::math::Rgb;
@@ -45,7 +45,7 @@ pub(super) struct Triangles {
     pub normal: Vec3s,
     pub offset: [f32; LANES],
     pub material: [u32; LANES],
-    area: [f32; LANES],
+    pub area: [f32; LANES],
     pub corners: [u32; LANES],
 }
 
@@ -57,6 +57,45 @@ struct Lambertians {
     flags: [u32; LANES],
 }
 
+/// Area of a triangle over the squared distance of a hit from which on rounding errors of its
+/// points may show: they are 1e-5 of the distance.
+const WIDE: f32 = 1e3;
+
+impl Triangles {
+    /// Returns true if a triangle may be so large that its rounding errors show at these distances:
+    /// see [`Self::refine`].
+    #[inline(always)] // part of the loop over vertices
+    pub fn any_is_wide(&self, t: &[f32; LANES]) -> bool {
+        any(&from_fn(|lane| self.is_wide(lane, t[lane])))
+    }
+
+    #[inline(always)]
+    fn is_wide(&self, lane: usize, t: f32) -> bool {
+        self.area[lane] > WIDE * t * t
+    }
+
+    /// Moves vertices along their triangles to their rays.
+    #[inline(never)] // keeps the common case short
+    pub fn refine(
+        &self,
+        [origins, directions]: [&Vec3s; 2],
+        t: &[f32; LANES],
+        (position, normal, off_surface): (&mut Vec3s, &Vec3s, &mut Vec3s),
+    ) {
+        // Results do not depend on the other lanes.
+        for lane in (0..LANES).filter(|&lane| self.is_wide(lane, t[lane])) {
+            let (point, normal) = (position.get(lane), normal.get(lane));
+            let [origin, edge1, edge2] =
+                [&self.origin, &self.edge1, &self.edge2].map(|part| part.get(lane));
+            let reach = (origin.abs() + edge1.abs() + edge2.abs()).max_element();
+            let ray = [origins.get(lane), directions.get(lane)];
+            let point = refined((point, normal, reach), ray, t[lane]);
+            position.set(lane, point);
+            off_surface.set(lane, point + normal * self.offset[lane]);
+        }
+    }
+}
+
 impl Scene {
     /// Sets `at` to the vertices where the first `count` rays hit surfaces that are Lambertian and
     /// uniform over the triangle. Returns the other rays.
@@ -64,7 +103,7 @@ impl Scene {
     pub fn lambertian(
         &self,
         simd: Simd,
-        directions: &Vec3s,
+        [origins, directions]: [&Vec3s; 2],
         hits: &HitPacket,
         count: usize,
         seen: &mut HitScratch,
@@ -112,6 +151,10 @@ impl Scene {
             at.off_surface.set(lane, position + normal * triangle.offset[lane]);
             let reflects = if front | (flags & Lambertian::TWO_SIDED != 0) { 1.0 } else { 0.0 };
             at.albedo.set(lane, material.albedo.get(lane) * reflects);
+        }
+        if triangle.any_is_wide(&hits.t) {
+            let DiffuseVertices { position, normal, off_surface, .. } = at;
+            triangle.refine([origins, directions], &hits.t, (position, normal, off_surface));
         }
         if any(&emits) {
             self.set_emission(&triangles, &emits, at);
@@ -185,7 +228,9 @@ impl Scene {
         let material = &self.materials[triangle.material as usize];
         let front = triangle.normal.dot(ray.direction) <= 0.0;
         let normal = if front { triangle.normal } else { -triangle.normal };
-        let position = triangle.point(at);
+        let rounded = triangle.point(at);
+        let own = [ray.origin, ray.direction];
+        let position = refined((rounded, triangle.normal, triangle.reach()), own, hit.t);
         let flat = Surface {
             position,
             facet: TriangleSide::new(hit.mesh, hit.triangle, front),
@@ -323,7 +368,7 @@ mod tests {
             let (mut seen, mut at) = <(HitScratch, DiffuseVertices)>::default();
             let (directions, hits) = (Vec3s::splat(-Vec3::Z), HitPacket::default());
             let simd = Simd::default();
-            let rest = scene.lambertian(simd, &directions, &hits, 5, &mut seen, &mut at);
+            let rest = scene.lambertian(simd, [&directions; 2], &hits, 5, &mut seen, &mut at);
             assert_eq!((rest.missed, rest.others), (0b1_1111, 0));
             assert!(!any(&at.active));
         }

@@ -72,6 +72,7 @@ use coated_hits::Coated;
 use diffuse::TriangleSide;
 use glam::{DVec3, Vec3};
 use hit::Lambertian;
+use lights::enclosure::Enclosure;
 use lights::guide::Guide;
 use lights::visibility::Visibility;
 use placement::Emitting;
@@ -210,8 +211,7 @@ impl Scene {
         }
         for emitter in &mut emitters {
             if let Emitter::Directional(light) = emitter {
-                light.center = bounds.center();
-                light.radius = bounds.enclosing_radius();
+                light.enclosure = Enclosure::new(&bounds);
             }
         }
         // `Lights` keeps the emitters with power, in this order.
@@ -331,7 +331,7 @@ impl Scene {
     /// Distance off a plane through this position at which rays start, scene units; its unit normal
     /// is given.
     pub(crate) fn offset_at(&self, position: Vec3, normal: Vec3) -> f32 {
-        Triangle::point_offset(normal, position) + self.ray_offset
+        Triangle::offset(normal, position.abs()) + self.ray_offset
     }
 
     /// Box around all meshes.
