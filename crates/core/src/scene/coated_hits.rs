@@ -193,14 +193,8 @@ impl Scene {
     ) {
         self.read_coated(simd, hits, count, scratch);
         let seen = scratch.seen_sides(directions, hits, count, at);
-        if scratch.triangle.any_is_wide(&hits.t) {
-            let CoatedVertices { position, normal, off_surface, .. } = at;
-            scratch.triangle.refine(
-                [origins, directions],
-                &hits.t,
-                (position, normal, off_surface),
-            );
-        }
+        let places = (&mut at.position, &at.normal, &mut at.off_surface);
+        scratch.triangle.refine_wide([origins, directions], &hits.t, places);
         let (mut textures, mut color) = ([None; LANES], Vec3s::default());
         for (lane, own) in textures.iter_mut().enumerate().take(count) {
             let material = &self.materials[at.material[lane] as usize];

@@ -62,11 +62,18 @@ struct Lambertians {
 const WIDE: f32 = 1e3;
 
 impl Triangles {
-    /// Returns true if a triangle may be so large that its rounding errors show at these distances:
-    /// see [`Self::refine`].
+    /// Moves vertices of triangles that are so large that their rounding errors may show to their
+    /// rays, of these origins and unit directions.
     #[inline(always)] // part of the loop over vertices
-    pub fn any_is_wide(&self, t: &[f32; LANES]) -> bool {
-        any(&from_fn(|lane| self.is_wide(lane, t[lane])))
+    pub fn refine_wide(
+        &self,
+        rays: [&Vec3s; 2],
+        t: &[f32; LANES],
+        vertices: (&mut Vec3s, &Vec3s, &mut Vec3s),
+    ) {
+        if any(&from_fn(|lane| self.is_wide(lane, t[lane]))) {
+            self.refine(rays, t, vertices);
+        }
     }
 
     #[inline(always)]
@@ -76,7 +83,7 @@ impl Triangles {
 
     /// Moves vertices along their triangles to their rays.
     #[inline(never)] // keeps the common case short
-    pub fn refine(
+    fn refine(
         &self,
         [origins, directions]: [&Vec3s; 2],
         t: &[f32; LANES],
@@ -103,7 +110,7 @@ impl Scene {
     pub fn lambertian(
         &self,
         simd: Simd,
-        [origins, directions]: [&Vec3s; 2],
+        rays: [&Vec3s; 2],
         hits: &HitPacket,
         count: usize,
         seen: &mut HitScratch,
@@ -140,7 +147,7 @@ impl Scene {
                 is_hit[lane] & !is_lambertian & (flags & Lambertian::IS_COATED_BASE != 0);
             emits[lane] = is_lambertian & (flags & Lambertian::EMITS != 0);
             // The arithmetic of `Triangle::point` and `shade`.
-            let front = triangle.normal.get(lane).dot(directions.get(lane)) <= 0.0;
+            let front = triangle.normal.get(lane).dot(rays[1].get(lane)) <= 0.0;
             let normal = triangle.normal.get(lane) * if front { 1.0 } else { -1.0 };
             let [edge1, edge2] = [&triangle.edge1, &triangle.edge2].map(|edge| edge.get(lane));
             let position = triangle.origin.get(lane) + hits.u[lane] * edge1 + hits.v[lane] * edge2;
@@ -152,10 +159,7 @@ impl Scene {
             let reflects = if front | (flags & Lambertian::TWO_SIDED != 0) { 1.0 } else { 0.0 };
             at.albedo.set(lane, material.albedo.get(lane) * reflects);
         }
-        if triangle.any_is_wide(&hits.t) {
-            let DiffuseVertices { position, normal, off_surface, .. } = at;
-            triangle.refine([origins, directions], &hits.t, (position, normal, off_surface));
-        }
+        triangle.refine_wide(rays, &hits.t, (&mut at.position, &at.normal, &mut at.off_surface));
         if any(&emits) {
             self.set_emission(&triangles, &emits, at);
         }
