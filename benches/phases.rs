@@ -123,6 +123,7 @@ fn camera_pass<'a>(
         gather_early: false,
         points: None,
         directions: None,
+        cache: None,
     }
 }
 

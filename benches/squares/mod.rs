@@ -41,6 +41,7 @@ impl<'a> Squares<'a> {
             gather_early: false,
             points: None,
             directions: None,
+            cache: None,
         };
         let side = (together as u32 / camera_paths).isqrt();
         let (columns, rows) = (width / side, height / side);

@@ -165,11 +165,12 @@ pub fn describe_counts(block: &Block, settings: &Settings) -> String {
     counts_text(settings, block.counts.light_paths, &camera)
 }
 
-/// Path counts in words. Path tracing has no light paths.
+/// Path counts in words. Path tracing has no light paths, and a cache suffix paths instead.
 pub fn counts_text(settings: &Settings, light_paths: u32, camera_paths: &str) -> String {
-    let light = match settings.has_photons() {
-        true => format!("{light_paths} light paths, "),
-        false => String::new(),
+    let light = match settings.strategy {
+        own if own.has_cache() => format!("{light_paths} suffix paths, "),
+        own if own.has_photons() => format!("{light_paths} light paths, "),
+        _ => String::new(),
     };
     format!("{light}{camera_paths} camera paths per pixel")
 }
@@ -288,9 +289,9 @@ fn outlook(report: &RenderReport) -> String {
 /// The relative error of the image, or the noise if the relative error is not known.
 fn error(report: &RenderReport) -> String {
     let percent = |share: f64| format!("{:.2} %", 100.0 * share);
-    let has_photons = report.run.settings.has_photons();
+    let may_blur = report.run.settings.shares_light();
     match (report.error, report.rms.zip(report.relative_rms)) {
-        (Some(RelativeError { total, noise, bias, interval }), _) if has_photons => format!(
+        (Some(RelativeError { total, noise, bias, interval }), _) if may_blur => format!(
             "relative error {}{}: noise {}, {} {}\n",
             percent(total),
             interval.as_ref().map_or(String::new(), interval_text),

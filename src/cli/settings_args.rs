@@ -130,6 +130,7 @@ const STRATEGY: Words = &[
     ("mis", "Merge at vertices 1 and 2, connect and hit lights, weighted"),
     ("cut-mis", "As mis, with camera paths that end at vertex 2"),
     ("path", "Trace camera paths only: connect and hit lights, weighted"),
+    ("gather", "As path, but look light up at the merge vertex, where full paths left it"),
 ];
 const DIRECT: Words = &[
     ("connect", "Shadow ray from each diffuse vertex of the camera path"),

@@ -149,7 +149,7 @@ pub fn at_end(report: &RenderReport) -> Vec<String> {
     let all = all.map(|(name, seconds)| format!("{name} {seconds:.3}s"));
     let mut lines = vec![format!("times: {}", all.join(", "))];
     // Path tracing has no number of light paths to choose
-    if report.run.settings.has_photons()
+    if report.run.settings.shares_light()
         && let Some(promise) = &report.promise
     {
         lines.push(format!(

@@ -30,7 +30,7 @@ fn noise_of_guided_light_paths_is_predicted_at_far_counts() {
     let settings =
         Settings { direct: Direct::PhotonMap, radius: 0.2, guide: 16, ..settings(12, 12) };
     let (name, scene) = ("guided".into(), &furnished_box());
-    Subject { name, scene, settings, iterations: 16000, quiet: 1.0, most: 0.03 }
+    Subject { name, scene, settings, few: 300, iterations: 16000, quiet: 1.0, most: 0.03 }
         .assert_far_counts(&[(30_000, 4, 1000), (300, 100, 800)]);
 }
 
@@ -53,7 +53,7 @@ fn noise_of_photons_in_media_is_predicted() {
             ..settings(8, 8)
         };
         let name = format!("fog k = {merge_vertex} {medium_query:?}");
-        Subject { name, scene, settings, iterations: 6000, quiet: 1.0, most: 0.045 }
+        Subject { name, scene, settings, few: 300, iterations: 6000, quiet: 1.0, most: 0.045 }
             .assert_far_counts(&[(6000, 4, 1200), (300, 60, 1200)]);
     }
 }
@@ -76,7 +76,7 @@ fn noise_of_every_technique_is_predicted_at_far_counts() {
             ..settings
         };
         let (name, scene) = (name.into(), &scene);
-        Subject { name, scene, settings, iterations: 10_000, quiet: 0.3, most: 0.05 }
+        Subject { name, scene, settings, few: 300, iterations: 10_000, quiet: 0.3, most: 0.05 }
             .assert_far_counts(&[(30_000, 4, 260), (300, 60, 2000)]);
     }
 }

@@ -51,6 +51,8 @@ pub struct Subject<'a> {
     pub scene: &'a Arc<Scene>,
     /// All but counts and seeds.
     pub settings: Settings,
+    /// Light paths of the measurement.
+    pub few: u32,
     /// Iterations of the measurement.
     pub iterations: usize,
     /// Share of the pixels that count: those with the least noise in a run of their own. Rare light
@@ -64,7 +66,7 @@ impl Subject<'_> {
     /// Asserts that coefficients measured at few paths of both kinds tell the noise at far counts:
     /// light and camera paths, and iterations that sample it.
     pub fn assert_far_counts(&self, far: &[(u32, u32, usize)]) {
-        let Self { name, scene, settings, iterations, quiet, most } = self;
+        let Self { name, scene, settings, few, iterations, quiet, most } = self;
         let accel = accel(scene);
         let at = |light_paths, camera_paths, seed| Settings {
             light_paths: settings.allowed_light_paths(MAX_LIGHT_PATHS).nearest(light_paths),
@@ -77,7 +79,7 @@ impl Subject<'_> {
         let noise = |pixel: &usize| pilot.pixels[*pixel].noise.sampled;
         region.sort_by(|one, other| noise(one).total_cmp(&noise(other)));
         region.truncate((quiet * region.len() as f64) as usize);
-        let poor = measure(scene, &accel, at(300, 4, 1), *iterations, Measure::Pairs);
+        let poor = measure(scene, &accel, at(*few, 4, 1), *iterations, Measure::Pairs);
         for &(light_paths, camera_paths, iterations) in far {
             let settings = at(light_paths, camera_paths, 2);
             let light_paths = settings.light_paths;
@@ -101,6 +103,14 @@ pub fn assert_far_counts(direct: Direct, merge_vertex: u32, kernel: Kernel) {
     let mis_scales = Some(MisScales { light_paths: 1000, scales: [0.4; 2] });
     let settings = Settings { mis_scales, ..by_way(asked) };
     let name = format!("{direct:?} {kernel:?} k={merge_vertex}");
-    Subject { name, scene: &furnished_box(), settings, iterations: 2500, quiet: 1.0, most: 0.03 }
-        .assert_far_counts(&[(30_000, 4, 130), (300, 100, 500), (3000, 25, 250)]);
+    Subject {
+        name,
+        scene: &furnished_box(),
+        settings,
+        few: 300,
+        iterations: 2500,
+        quiet: 1.0,
+        most: 0.03,
+    }
+    .assert_far_counts(&[(30_000, 4, 130), (300, 100, 500), (3000, 25, 250)]);
 }

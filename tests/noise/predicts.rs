@@ -29,7 +29,7 @@ fn noise_of_sobol_sets_that_split_is_predicted_at_far_counts() {
         ..settings(12, 12)
     };
     let (name, scene) = ("Sobol sets".into(), &furnished_box());
-    Subject { name, scene, settings, iterations: 2500, quiet: 1.0, most: 0.05 }
+    Subject { name, scene, settings, few: 300, iterations: 2500, quiet: 1.0, most: 0.05 }
         .assert_far_counts(&[(32_768, 4, 130), (512, 100, 500), (3200, 25, 250)]);
 }
 

@@ -129,6 +129,7 @@ fn integrating_sphere_bounce_by_bounce_from_the_camera() {
             gather_early: false,
             points: None,
             directions: None,
+            cache: None,
         };
         let mut paths = CameraPaths::default();
         let id = |i: u32| CameraPathId { x: i % 64, y: i / 64, index: 0 };

@@ -35,6 +35,7 @@ fn batches_merged_together_equal_one_batch() {
             gather_early: true,
             points: None,
             directions: None,
+            cache: None,
         };
         let ids: Vec<CameraPathId> = (0..SIDE * SIDE)
             .map(|pixel| CameraPathId { x: pixel % SIDE, y: pixel / SIDE, index: 3 })

@@ -202,6 +202,7 @@ fn layers_of_a_fisheye_are_those_of_its_pixels() {
         gather_early: true,
         points: None,
         directions: None,
+        cache: None,
     };
     let ids = (0..side * side).map(|i| bdpm::transport::camera_paths::CameraPathId {
         x: i % side,

@@ -15,6 +15,7 @@ mod diffuse_transmission;
 mod direction_guide;
 mod dispersion;
 mod far;
+mod gather;
 mod goniometer;
 mod guides;
 mod hidden;

@@ -25,7 +25,7 @@ pub fn section(snapshot: &Snapshot) -> Markup {
             }
             p {
                 "An iteration takes " (describe_counts(block, settings)) "."
-                @if settings.has_photons() && let Some(promise) = snapshot.state.promise() {
+                @if settings.shares_light() && let Some(promise) = snapshot.state.promise() {
                     " Iterations of one light path and one camera path per pixel would take "
                     (number(promise.gain_over_one_each)) " times as long for the same noise."
                 }

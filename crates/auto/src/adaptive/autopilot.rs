@@ -295,7 +295,7 @@ impl Autopilot {
     /// Measurements then serve the merge bias, or a file of the noise of each pixel.
     pub fn schedule(&self, renderer: &Renderer) -> MeasureSchedule {
         let is_needed =
-            renderer.settings().has_photons() || renderer.config().grain == BatchGrain::Pixel;
+            renderer.settings().shares_light() || renderer.config().grain == BatchGrain::Pixel;
         let every = match self.state.next_choice {
             None => MEASURE_FIRST_EVERY,
             Some(_) if is_needed || self.state.promise.is_none() => MEASURE_EVERY,
@@ -314,8 +314,8 @@ impl Autopilot {
         let production = clock.times.wall.as_secs_f64();
         let share = 1.0 / MEASURE_EVERY as f64;
         let per_production = production / clock.iterations as f64;
-        // Without photons none is measured after the promise.
-        if known && clock.iterations > 0 && !renderer.settings().has_photons() {
+        // Where pixels share no light, no iteration is measured after the promise.
+        if known && clock.iterations > 0 && !renderer.settings().shares_light() {
             return Some(per_production);
         }
         let per_measured = (since - production).max(0.0) / measured as f64;

@@ -39,12 +39,17 @@ pub fn min_iterations_after_choice(ranks: u32) -> f64 {
 /// share of the time.
 const LEAST_LIGHT_TIME: f64 = 0.07;
 
-/// Number of light paths below which they take less than [`LEAST_LIGHT_TIME`]; 0 if they take no
-/// time.
-pub fn least_light_paths(times: &TimeModel) -> f64 {
+/// Minimum number of suffix paths that fill a cache: with fewer, most cells have too few records,
+/// so that camera paths go on as if there were no cache. theory.md, section 11c
+pub const LEAST_SUFFIX_PATHS: u32 = 8192;
+
+/// Number of light paths below which they take less than [`LEAST_LIGHT_TIME`], 0 if they take no
+/// time; with a cache not less than [`LEAST_SUFFIX_PATHS`].
+pub fn least_light_paths(times: &TimeModel, has_cache: bool) -> f64 {
     let [base, per_light_path] = times.in_light_paths(1.0);
     let least = LEAST_LIGHT_TIME * base / per_light_path;
-    if least.is_finite() { least } else { 0.0 }
+    let least = if least.is_finite() { least } else { 0.0 };
+    if has_cache { least.max(LEAST_SUFFIX_PATHS.into()) } else { least }
 }
 
 /// Minimum share of the time that a new block must save. A smaller gain is lost to the block's own
@@ -112,8 +117,11 @@ impl CountChooser<'_> {
         let scale =
             scale / left * pooled_share(stop.objective, &smoothed, &renderer.block().counts, grid);
         let (fewest, most) = renderer.allowed_light_paths().bounds().into_inner();
-        let least = match settings.has_photons() {
-            true => (least_light_paths(&self.times) as u32).clamp(fewest, most),
+        let least = match settings.shares_light() {
+            true => {
+                let least = least_light_paths(&self.times, settings.has_cache());
+                (least as u32).clamp(fewest, most)
+            }
             false => fewest,
         };
         let problem = |cells: &[Coefficients], iteration_time| {
@@ -128,7 +136,7 @@ impl CountChooser<'_> {
         let longest = self.longest_iteration(|time| problem(&smoothed, time), scale);
         let pooled = problem(&smoothed, longest);
         let uniform = pooled.shortest_uniform(NEAR_OPTIMUM);
-        let per_pixel = match settings.has_photons() {
+        let per_pixel = match settings.shares_light() {
             true => Some(pooled.shortest_per_pixel(NEAR_OPTIMUM)),
             false => self.noise_of_paths(grid).and_then(|noise| {
                 by_neighbors(noise, grid.size(), |cells| problem(cells, longest), &uniform)
@@ -232,7 +240,7 @@ impl CountChooser<'_> {
     fn fitting_counts(&self, chosen: &Counts) -> Option<Counts> {
         let Self { renderer, stop, .. } = self;
         let left = stop.time.map(|time| time.as_secs_f64() - self.elapsed);
-        let left = left.filter(|_| is_large(renderer) && renderer.settings().has_photons())?;
+        let left = left.filter(|_| is_large(renderer) && renderer.settings().shares_light())?;
         let light_paths = fitting_light_paths(&self.times, chosen, left)?;
         let light_paths = renderer.allowed_light_paths().at_most(light_paths);
         Some(Counts { light_paths, ..chosen.clone() })

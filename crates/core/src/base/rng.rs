@@ -35,6 +35,8 @@ pub enum Stream {
     MeterPilot = 31,
     /// One stream per light path whose photons are merged at meters.
     MeterPhotons = 32,
+    /// One stream per camera path whose suffixes fill a cache.
+    SuffixPath = 33,
 }
 
 /// Index of camera path `path` of `pixel` in the stream [`Stream::CameraPath`].

@@ -9,7 +9,7 @@ use super::annulus_moments::{FoldEstimate, WeightedBlocks};
 use super::block::Block;
 use super::smoothing::smooth;
 use crate::base::math::Rgb;
-use crate::film::annulus::{FOLDS, left_at_half};
+use crate::film::annulus::{FOLDS, LEFT_BY_CACHE, left_at_half};
 use crate::film::cells::CellGrid;
 use crate::film::radiance::{luminance, luminance_weights};
 use rayon::prelude::*;
@@ -64,7 +64,10 @@ impl BiasCorrection {
             squared_noise: weighted.squared_noise(),
             halves: weighted.fold_means(),
         };
-        let left_at_half = left_at_half(blocks[0].kernel);
+        let left_at_half = match blocks[0].has_cache {
+            true => LEFT_BY_CACHE,
+            false => left_at_half(blocks[0].kernel),
+        };
         for (class, left_at_half) in left_at_half.into_iter().enumerate() {
             let estimates = weighted.estimates(class);
             if estimates.par_iter().flatten().any(|fold| fold.variance > 0.0 || fold.bias2 > 0.0) {

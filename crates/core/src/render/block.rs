@@ -31,6 +31,8 @@ pub struct Block {
     pub counts: Counts,
     /// Kernel of the merges, which determines the bias that remains after correction.
     pub kernel: Kernel,
+    /// Camera paths end at a cache, whose bias is corrected instead of that of merges.
+    pub has_cache: bool,
     /// Camera paths start from Sobol points, so that iterations are not independent.
     pub starts_from_points: bool,
     /// Sums of the image.
@@ -69,6 +71,7 @@ impl Block {
             numbers: IterationSet::default(),
             counts,
             kernel: request.settings.kernel,
+            has_cache: request.settings.has_cache(),
             starts_from_points: CameraPoints::are_used(request.settings)
                 && !request.independent_paths,
             film: Film::new(width, height),
@@ -134,6 +137,7 @@ impl Block {
             && self.numbers.first().is_none_or(|number| number >= self.first)
             && self.counts.validate(settings).is_ok()
             && self.kernel == settings.kernel
+            && self.has_cache == settings.has_cache()
             && self.film.sums.fits(settings.resolution())
             && self.statistics.fits(settings)
     }

@@ -106,6 +106,7 @@ fn record(
         gather_early: false,
         points: None,
         directions,
+        cache: None,
     };
     let rows = (CameraPaths::BATCH as u32).div_ceil(side);
     let batches = (0..side.div_ceil(rows)).into_par_iter().flat_map_iter(|batch| {

@@ -10,6 +10,7 @@ use super::{NestedPart, Renderer};
 use crate::accel::Intersect;
 use crate::base::rng::{Stream, StreamKey};
 use crate::film::cells::CellGrid;
+use crate::film::counts::Counts;
 use crate::film::statistic::CurrentIteration;
 use crate::noise::Measure;
 use crate::scene::Scene;
@@ -24,7 +25,7 @@ use rayon::prelude::*;
 use std::mem;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// What cuts the merges in media that scatter, if there are any.
@@ -70,15 +71,13 @@ impl Renderer {
             build_time += self.medium_photons.build(&self.light_paths, &kernel, &surroundings);
         }
 
+        // Fill the cache with the suffixes of full camera paths
+        self.fill_cache(block.counts.light_paths, (number, interrupt.as_deref()));
+
         // Camera phase and merge: each thread traces and merges the camera paths of some tiles
-        let (pass, merge) = self.passes(number);
         let mut render_tiles = || {
             let (counts, mut tiles) = block.begin_iteration(iteration, self.request(), &mut shared);
-            let job = Job { aovs: self.config.aovs, ..Job::new(pass, merge, counts, measure) };
-            let grid = CellGrid::of(self.settings.resolution());
-            let measured = MeasuredPixels::new(grid, self.config.grain, iteration);
-            let leaves_out_direct = self.config.unfindable_only;
-            let job = Job { measured, leaves_out_direct, interrupt: interrupt.as_deref(), ..job };
+            let job = self.job((counts, measure), iteration, interrupt.as_deref());
             TileBatches::new(&mut tiles, job.tiles_per_batch())
                 .par_bridge()
                 .for_each_init(|| self.workers.lease(), |worker, tiles| worker.render(&job, tiles));
@@ -106,6 +105,26 @@ impl Renderer {
             resume_unwind(panic);
         }
         report
+    }
+
+    /// What all threads do in the camera phase of an iteration, whose photons are in the map and
+    /// whose suffixes are in the cache.
+    fn job<'a>(
+        &'a self,
+        (counts, measure): (&'a Counts, Measure),
+        iteration: CurrentIteration,
+        interrupt: Option<&'a AtomicBool>,
+    ) -> Job<'a> {
+        let (pass, merge) = self.passes(iteration.number);
+        let grid = CellGrid::of(self.settings.resolution());
+        Job {
+            aovs: self.config.aovs,
+            cache_bias: self.suffixes.bias(),
+            measured: MeasuredPixels::new(grid, self.config.grain, iteration),
+            leaves_out_direct: self.config.unfindable_only,
+            interrupt,
+            ..Job::new(pass, merge, counts, measure)
+        }
     }
 
     fn kernel(&self) -> MergeKernel<'_> {
@@ -141,6 +160,7 @@ impl Renderer {
             points: CameraPoints::of(settings, iteration)
                 .filter(|_| !self.config.independent_paths),
             directions: self.directions(),
+            cache: self.suffixes.cache(),
         };
         let options = MergeOptions {
             mis,

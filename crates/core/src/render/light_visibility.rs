@@ -76,6 +76,7 @@ fn receivers(
         gather_early: true,
         points: None,
         directions: None,
+        cache: None,
     };
     let rows = (0..side).into_par_iter().flat_map_iter(|y| {
         let mut paths = CameraPaths::default();

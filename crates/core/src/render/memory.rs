@@ -16,11 +16,15 @@ use crate::settings::Settings;
 use crate::transport::mis::weights::PhotonPartials;
 use crate::transport::photon::Photon;
 use crate::transport::room::Room;
+use crate::transport::suffix_cache::SuffixRecord;
 
 /// Mean memory of a light path, bytes. A path stores at most `1/(1 - albedo)` photons on average;
 /// surfaces with specular reflection only store none. The same holds in media. Splitting multiplies
 /// their number.
 pub(super) fn bytes_per_light_path(scene: &Scene, settings: &Settings) -> f64 {
+    if settings.has_cache() {
+        return SUFFIXES_PER_PATH * BYTES_PER_SUFFIX;
+    }
     let storing = scene.materials().iter().map(|m| m.bsdf).filter(Bsdf::merges);
     let albedo = storing.map(|bsdf| bsdf.albedo().max_element()).fold(0.0, f32::max);
     let in_media = scene.media().map_or(0.0, Media::largest_albedo);
@@ -30,6 +34,12 @@ pub(super) fn bytes_per_light_path(scene: &Scene, settings: &Settings) -> f64 {
     let planes = if in_media > 0.0 { size_of::<Room>() } else { 0 };
     f64::from(settings.splitting) * photons_per_path * (bytes_per_photon(settings) + planes as f64)
 }
+
+/// Suffixes of a camera path in bright rooms, on average.
+const SUFFIXES_PER_PATH: f64 = 10.0;
+
+/// Memory of a suffix, bytes: in its batch, among all, and with its key while they are sorted.
+const BYTES_PER_SUFFIX: f64 = (2 * size_of::<SuffixRecord>() + 16) as f64;
 
 /// Memory of a photon, bytes: as traced, while it is sorted with its bucket in two orders, and in
 /// the map, where its normal takes 4 bytes more, with up to eight buckets. MIS adds partials each

@@ -21,6 +21,7 @@ mod partial;
 mod report;
 mod set_factor;
 mod smoothing;
+mod suffixes;
 mod tile_paths;
 mod tiles;
 mod worker;
@@ -59,6 +60,7 @@ use direction_learning::LearnedDirections;
 use memory::{bytes_per_light_path, check_memory, film_bytes};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use suffixes::Suffixes;
 use worker::Worker;
 
 /// Maximum number of blocks of a render that chooses its counts. Each block keeps its own sums in
@@ -95,6 +97,7 @@ pub struct Renderer {
     light_paths: LightPaths,
     photon_map: PhotonMap,
     medium_photons: MediumPhotons,
+    suffixes: Suffixes,
     /// Where surfaces are near, in scenes with media.
     clearance: Option<Arc<Clearance>>,
     /// Guide of the directions from diffuse vertices, once it was learned.
@@ -199,6 +202,7 @@ impl Renderer {
             aim: None,
             photon_map: PhotonMap::default(),
             medium_photons: MediumPhotons::default(),
+            suffixes: Suffixes::default(),
             clearance,
             workers: Pool::default(),
             directions: Arc::default(),
@@ -376,9 +380,10 @@ impl Renderer {
     }
 
     /// The numbers of light paths from which a choice of counts takes its own: as settings and
-    /// memory allow. Without photons no light path is traced, so that there is only one number.
+    /// memory allow. Where pixels share nothing, no light path is traced, so that there is only one
+    /// number.
     pub fn allowed_light_paths(&self) -> AllowedLightPaths {
-        let most = if self.settings.has_photons() { self.most_light_paths() } else { 0 };
+        let most = if self.settings.shares_light() { self.most_light_paths() } else { 0 };
         self.settings.allowed_light_paths(most)
     }
 

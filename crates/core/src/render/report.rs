@@ -25,16 +25,17 @@ impl IterationReport {
     /// Collects the counters of the iteration that began at `start`. The photon map took
     /// `build_time` on all threads together.
     pub(super) fn new(renderer: &mut Renderer, build_time: Duration, start: Instant) -> Self {
-        let Renderer { light_paths, photon_map, medium_photons, workers, config, .. } = renderer;
+        let Renderer { light_paths, photon_map, medium_photons, suffixes, workers, config, .. } =
+            renderer;
         let mut report = Self {
-            rays: light_paths.rays(),
-            light_paths: light_paths.count(),
+            rays: light_paths.rays() + suffixes.rays(),
+            light_paths: light_paths.count() + suffixes.count(),
             photons: photon_map.len(),
             found_caustics: photon_map.has_caustic_photons()
                 || medium_photons.has_caustic_photons(),
             ..Self::default()
         };
-        report.times.light = light_paths.busy_time() + build_time;
+        report.times.light = light_paths.busy_time() + suffixes.busy_time() + build_time;
         for worker in workers.free_mut() {
             let counts = worker.take_counts();
             report.times.camera += counts.camera;

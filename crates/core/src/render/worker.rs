@@ -3,6 +3,7 @@
 use super::accumulators::{CellSamples, IterationSample};
 use super::aov_sums::AovSums;
 use super::measured_pixels::{MeasuredPixels, PixelFilter};
+use super::suffixes::CacheBias;
 use super::tile_paths::TilePaths;
 use super::tiles::TileSums;
 use crate::base::math;
@@ -20,6 +21,7 @@ use crate::noise::{Estimator, Measure};
 use crate::transport::camera_paths::{CameraPass, CameraPaths};
 use crate::transport::merge::{Merge, MergeOutput};
 use crate::transport::pair_list::Pair;
+use crate::transport::photon::PhotonClass;
 use glam::DVec3;
 use std::mem;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -44,6 +46,8 @@ pub struct Job<'a> {
     pub measured: Option<MeasuredPixels>,
     /// Leaves out what camera paths find without photons.
     pub leaves_out_direct: bool,
+    /// What the cache adds to the pixels beyond full paths.
+    pub cache_bias: Option<&'a CacheBias>,
     /// Leaves out all work once it is true.
     pub interrupt: Option<&'a AtomicBool>,
 }
@@ -67,6 +71,7 @@ impl<'a> Job<'a> {
             batch_size,
             measured,
             leaves_out_direct: false,
+            cache_bias: None,
             interrupt,
         }
     }
@@ -212,7 +217,10 @@ impl Worker {
             for index in 0..tile.len() {
                 let (x, y) = tile.pixel(index as u32);
                 let pixel = (y * job.pass.settings.width + x) as usize;
-                let sample = self.sample(first + index, job.counts.camera_paths.at(pixel));
+                let mut sample = self.sample(first + index, job.counts.camera_paths.at(pixel));
+                if let (Some(bias), Some(annulus)) = (job.cache_bias, &mut sample.pixel.annulus) {
+                    annulus[PhotonClass::Diffuse as usize] = bias.at((x, y));
+                }
                 if !sample.pixel.value.is_finite() {
                     self.counts.non_finite.push((x, y));
                 } else if side == 1 {
@@ -302,7 +310,10 @@ impl ImageSums<'_> {
             // theory.md (7), of one camera path
             let (direct, merged) = (paths.direct[number], gathered.sums[number]);
             let direct = if self.leaves_out_direct { DVec3::ZERO } else { direct.as_dvec3() };
-            let value = direct + merged.as_dvec3() * self.per_light_path;
+            let mut value = direct + merged.as_dvec3() * self.per_light_path;
+            if let Some(cached) = paths.cached.get(number) {
+                value += cached.sum.as_dvec3();
+            }
             self.values[pixel] += value;
             if let Some(sums) = self.annulus.get_mut(pixel) {
                 for (sum, own) in sums.iter_mut().zip(gathered.annulus[number]) {
@@ -339,7 +350,7 @@ impl<'a, E: Estimator> Measuring<'a, E> {
         estimator.start_pixel();
         let settings = job.pass.settings;
         let light_samples = settings.light_samples(job.counts.light_paths);
-        let per_sample = f64::from(settings.sobol_set);
+        let per_sample = settings.light_sample_size(job.counts.light_paths);
         let nested = [0.0; 2];
         Self { job, image, estimator, measurements, light_samples, per_sample, nested }
     }
@@ -379,6 +390,11 @@ impl<'a, E: Estimator> Measuring<'a, E> {
         let TilePaths { pixel, path, traced, .. } = self.image.paths;
         self.image.end_path(paths, gathered, number);
         let direct = paths.direct[number];
+        if let Some(cached) = paths.cached.get(number) {
+            for (half, value) in (0..).zip(cached.halves) {
+                self.estimator.pair(half, f64::from(value));
+            }
+        }
         self.estimator.end_path(f64::from(math::luminance(direct)), self.light_samples);
         let measurement = &mut self.measurements[pixel];
         // theory.md (68)

@@ -321,6 +321,7 @@ impl Scene {
             allows_weighted_merges: self.media().is_none_or(Media::allows_weighted_merges),
             any_medium_scatters: self.media().is_some_and(Media::any_scatters),
             any_disperses: self.materials.iter().any(|material| material.dispersion.is_some()),
+            has_meters: self.meters().is_some(),
         }
     }
 

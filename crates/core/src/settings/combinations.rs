@@ -4,7 +4,7 @@
 //! Whoever renders checks it by [`check`], the program prints the rows that apply by [`notes`], and
 //! the reference has a page made from it. No other code refuses a combination of options.
 
-use super::{Bias, Direct, PartialSettings, Settings};
+use super::{Bias, Direct, PartialSettings, Settings, Strategy};
 use crate::base::error::{Error, Result};
 use std::fmt;
 
@@ -53,11 +53,18 @@ pub struct SceneFacts {
     pub any_medium_scatters: bool,
     /// A material disperses light.
     pub any_disperses: bool,
+    /// Pixels are meters.
+    pub has_meters: bool,
 }
 
 impl Default for SceneFacts {
     fn default() -> Self {
-        Self { allows_weighted_merges: true, any_medium_scatters: true, any_disperses: true }
+        Self {
+            allows_weighted_merges: true,
+            any_medium_scatters: true,
+            any_disperses: true,
+            has_meters: false,
+        }
     }
 }
 
@@ -158,6 +165,12 @@ pub const COMBINATIONS: &[Combination] = &[
             let problem = "the strategies `mis` and `cut-mis` support only media that absorb, inside of glass";
             Error::new(problem, "use the strategy `single` or `path`")
         },
+    ),
+    refused(
+        ["--strategy gather", "meters"],
+        "What the cache adds is known for parts of an image, not for a single meter.",
+        |asked| asked.settings.has_cache() && asked.scene.has_meters,
+        |_| Error::new("strategy `gather` at meters", "use the strategy `path`, or leave it open"),
     ),
     refused(
         ["--part", "path counts that are chosen"],
@@ -272,12 +285,12 @@ pub const COMBINATIONS: &[Combination] = &[
         },
     ),
     weakened(
-        ["--direct photon-map", "--strategy path"],
+        ["--direct photon-map", "--strategy path|gather"],
         "Direct light is connected: there are no photons.",
         |asked| asked.traces_no_photons() && asked.settings.direct == Direct::PhotonMap,
     ),
     weakened(["--bias reduce", "--strategy path"], "There is no merge bias to reduce.", |asked| {
-        asked.traces_no_photons() && asked.settings.bias == Bias::Reduce
+        asked.shares_nothing() && asked.settings.bias == Bias::Reduce
     }),
     weakened(
         [
@@ -285,7 +298,12 @@ pub const COMBINATIONS: &[Combination] = &[
             "--strategy path",
         ],
         "It has no effect: there are neither light paths nor merges.",
-        |asked| asked.traces_no_photons() && asked.gives_photons(),
+        |asked| asked.shares_nothing() && asked.gives_photons(),
+    ),
+    weakened(
+        ["--caustic-radius|--kernel|--guide|--sobol-set|--splitting", "--strategy gather"],
+        "It has no effect: there are neither photons nor merges.",
+        |asked| asked.given.strategy == Some(Strategy::Gather) && asked.gives_merges(),
     ),
     weakened(
         ["--direction-guide", "--strategy single|mis|cut-mis"],
@@ -334,13 +352,25 @@ impl Asked<'_> {
         self.given.strategy.is_some_and(|strategy| !strategy.has_photons())
     }
 
+    /// Tests whether the user wants pixels to share no light.
+    fn shares_nothing(&self) -> bool {
+        self.given.strategy.is_some_and(|strategy| !strategy.shares_light())
+    }
+
     /// Tests whether the user gave a setting of light paths or merges.
     fn gives_photons(&self) -> bool {
-        let PartialSettings { radius, caustic_radius, kernel, merge_vertex, .. } = &self.given;
-        let PartialSettings { guide, sobol_set, splitting, light_paths, .. } = &self.given;
-        let lengths = radius.is_some() || caustic_radius.is_some();
-        let numbers = [merge_vertex, guide, sobol_set, splitting, light_paths];
-        lengths || kernel.is_some() || numbers.iter().any(|number| number.is_some())
+        let PartialSettings { radius, merge_vertex, light_paths, .. } = &self.given;
+        let shared = radius.is_some() || merge_vertex.is_some() || light_paths.is_some();
+        shared || self.gives_merges()
+    }
+
+    /// Tests whether the user gave a setting of photons alone.
+    fn gives_merges(&self) -> bool {
+        let PartialSettings { caustic_radius, kernel, guide, .. } = &self.given;
+        let PartialSettings { sobol_set, splitting, .. } = &self.given;
+        let numbers = [guide, sobol_set, splitting];
+        let merges = caustic_radius.is_some() || kernel.is_some();
+        merges || numbers.iter().any(|number| number.is_some())
     }
 }
 
@@ -386,7 +416,7 @@ pub fn notes<'a>(asked: &'a Asked) -> impl Iterator<Item = &'static Combination>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{Length, Strategy};
+    use crate::settings::Length;
 
     fn settings(change: fn(&mut PartialSettings)) -> (Settings, PartialSettings) {
         let mut given = PartialSettings::default();

@@ -48,6 +48,9 @@ pub enum Strategy {
     CutMis,
     /// Connections and light sources that camera paths hit: path tracing without light paths.
     Path,
+    /// As [`Self::Path`], with camera paths that end at the diffuse vertex `k` and look the light
+    /// up in a cache, which the suffixes of some full paths fill.
+    Gather,
 }
 
 /// What a strategy consists of. No other code tests which strategy it is.
@@ -55,27 +58,41 @@ struct Traits {
     has_photons: bool,
     continues: bool,
     is_weighted: bool,
+    has_cache: bool,
 }
 
 impl Strategy {
     /// All strategies.
-    pub const ALL: [Self; 4] = [Self::Single, Self::Mis, Self::CutMis, Self::Path];
+    pub const ALL: [Self; 5] = [Self::Single, Self::Mis, Self::CutMis, Self::Path, Self::Gather];
 
     #[inline(always)] // part of vector loops, as the functions below
     const fn traits(self) -> Traits {
-        let [has_photons, continues, is_weighted] = match self {
-            Self::Single => [true, false, false],
-            Self::Mis => [true, true, true],
-            Self::CutMis => [true, false, true],
-            Self::Path => [false, true, true],
+        let [has_photons, continues, is_weighted, has_cache] = match self {
+            Self::Single => [true, false, false, false],
+            Self::Mis => [true, true, true, false],
+            Self::CutMis => [true, false, true, false],
+            Self::Path => [false, true, true, false],
+            Self::Gather => [false, true, true, true],
         };
-        Traits { has_photons, continues, is_weighted }
+        Traits { has_photons, continues, is_weighted, has_cache }
     }
 
     /// Tests whether light paths are traced, and their photons merged.
     #[inline(always)]
     pub const fn has_photons(self) -> bool {
         self.traits().has_photons
+    }
+
+    /// Tests whether camera paths end where a cache knows the light. Its suffix paths then are the
+    /// light paths of all formulas.
+    #[inline(always)]
+    pub const fn has_cache(self) -> bool {
+        self.traits().has_cache
+    }
+
+    /// Tests whether pixels share the light of photons or of a cache.
+    pub const fn shares_light(self) -> bool {
+        self.has_photons() || self.has_cache()
     }
 
     /// Tests whether camera paths go on after the last diffuse vertex at which photons may be

@@ -295,9 +295,20 @@ impl Settings {
         self.strategy.has_photons()
     }
 
-    /// Tests whether the merge bias is measured and corrected: without photons there is none.
+    /// Tests whether camera paths end where a cache knows the light.
+    pub fn has_cache(&self) -> bool {
+        self.strategy.has_cache()
+    }
+
+    /// Tests whether pixels share the light of photons or of a cache.
+    pub fn shares_light(&self) -> bool {
+        self.strategy.shares_light()
+    }
+
+    /// Tests whether the bias of merges or of a cache is measured and corrected: without them there
+    /// is none.
     pub fn corrects_bias(&self) -> bool {
-        self.bias == Bias::Reduce && self.has_photons()
+        self.bias == Bias::Reduce && self.shares_light()
     }
 
     /// Tests whether diffuse vertices are connected with light sources.
@@ -305,10 +316,18 @@ impl Settings {
         self.direct == Direct::Connect || !self.has_photons()
     }
 
-    /// Number of independent samples that some light paths are: their sets.
-    /// theory.md (40e): `M`.
+    /// Number of independent samples that some light paths are: their sets, or the halves that fill
+    /// a cache. theory.md (40e): `M`.
     pub fn light_samples(&self, light_paths: u32) -> u32 {
-        light_paths / self.sobol_set
+        if self.has_cache() { light_paths.min(2) } else { light_paths / self.sobol_set }
+    }
+
+    /// Light paths of each of [`Self::light_samples`].
+    pub fn light_sample_size(&self, light_paths: u32) -> f64 {
+        match self.has_cache() {
+            true => f64::from(light_paths) / f64::from(self.light_samples(light_paths)),
+            false => f64::from(self.sobol_set),
+        }
     }
 
     /// The numbers of light paths that an iteration may have, up to `most`.

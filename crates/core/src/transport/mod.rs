@@ -25,3 +25,4 @@ pub mod reference;
 mod path_state;
 pub mod room;
 mod roulette;
+pub mod suffix_cache;

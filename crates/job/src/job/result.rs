@@ -245,10 +245,11 @@ fn denoised_report(state: &RenderState, convergence: &Convergence) -> Option<Den
 }
 
 fn relative_error(state: &RenderState, convergence: &Convergence) -> Option<RelativeError> {
-    // An image without photons has no merge bias. Otherwise, no estimate means that it is unknown.
-    let has_photons = state.provenance.settings.has_photons();
+    // Where pixels share no light, there is no bias. Otherwise, no estimate means that it is
+    // unknown.
+    let may_blur = state.provenance.settings.shares_light();
     let has_bias = state.stop.bias2 > 0.0 || state.stop.difference.is_some();
-    if has_photons && !has_bias && convergence.bias2.is_none() {
+    if may_blur && !has_bias && convergence.bias2.is_none() {
         return None;
     }
     let stop = &convergence.with_measured_bias(&state.stop);

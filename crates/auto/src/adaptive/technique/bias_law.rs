@@ -69,7 +69,18 @@ pub struct BiasPrior {
     minimum: f64,
 }
 
+/// Typical squared relative bias of a cache: 2 to 5 % of a pixel in rooms, and how it falls with
+/// the width of cells.
+const CACHE_BIAS: f64 = 0.03 * 0.03;
+
 impl BiasPrior {
+    /// Prior of a cache, whose cells hardly matter: light is averaged over the half space anyway.
+    pub fn of_cache() -> Self {
+        let square = CACHE_BIAS;
+        let (spread, minimum) = (PRIOR_SPREAD * square, MINIMUM_OF_PRIOR * square);
+        Self { square, spread, falls_to: TYPICAL_FALL, minimum }
+    }
+
     /// Prior at a radius that is given in widths of what the image shows.
     pub fn new(class: PhotonClass, technique: Technique, radius: f64) -> Self {
         let disc = technique.kernel == Kernel::Disc;

@@ -39,6 +39,8 @@ const CAUTION: f64 = 0.3;
 /// Goal of the render, and the limits of the choice.
 #[derive(Clone, Copy, Debug)]
 pub struct CandidateCost {
+    /// Light paths fill a cache.
+    pub has_cache: bool,
     /// Time of all processes together, or the error to reach.
     pub end: End,
     /// Number of processes that share the iterations.
@@ -189,7 +191,7 @@ impl CandidateCost {
         let allowed = ((longest - base) / per_light_path).max(base / per_light_path);
         let optimum = (base * light / (per_light_path * camera)).sqrt();
         let most = f64::from(self.max_light_paths).min(allowed);
-        let least = if light > 0.0 { least_light_paths(times) } else { 0.0 };
+        let least = if light > 0.0 { least_light_paths(times, self.has_cache) } else { 0.0 };
         if optimum.is_nan() { 2.0 } else { optimum.max(least).min(most).max(2.0) }
     }
 
@@ -359,6 +361,7 @@ pub mod tests {
     /// A demand in which everything is open.
     pub fn demand(end: End) -> CandidateCost {
         CandidateCost {
+            has_cache: false,
             end,
             ranks: 1,
             max_light_paths: 1 << 24,

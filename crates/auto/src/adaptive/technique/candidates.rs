@@ -25,6 +25,8 @@ pub struct SceneTraits {
     pub media_are_dense: bool,
     /// The image is denoised.
     pub is_denoised: bool,
+    /// Pixels are meters.
+    pub has_meters: bool,
 }
 
 impl SceneTraits {
@@ -43,7 +45,8 @@ impl SceneTraits {
         let media_scatter = scene.media().is_some_and(Media::any_scatters);
         let is_dense = |media: &Media| media.largest_extinction() * scene.size() > DENSE;
         let media_are_dense = scene.media().is_some_and(is_dense);
-        Self { needs_photons, may_weight, media_scatter, media_are_dense, is_denoised }
+        let has_meters = scene.meters().is_some();
+        Self { needs_photons, may_weight, media_scatter, media_are_dense, is_denoised, has_meters }
     }
 }
 
@@ -67,6 +70,9 @@ impl Technique {
                 all.push((Strategy::Single, 2));
             }
             all.extend((!traits.needs_photons).then_some((Strategy::Path, 2)));
+            // Most light in media that scatter does not come from surfaces.
+            let may_cache = !traits.needs_photons && !traits.media_scatter && !traits.has_meters;
+            all.extend(may_cache.then_some((Strategy::Gather, 2)));
             all
         } else {
             vec![(own.strategy, own.merge_vertex)]
@@ -180,6 +186,7 @@ mod tests {
                 media_scatter: false,
                 media_are_dense: false,
                 is_denoised,
+                has_meters: false,
             };
             let all = Technique::candidates(&settings(), FreeParameters::ALL, traits);
             all.iter()
@@ -202,6 +209,7 @@ mod tests {
                 media_scatter,
                 media_are_dense,
                 is_denoised,
+                has_meters: false,
             };
             Technique::candidates(&settings(), open, traits)
         };

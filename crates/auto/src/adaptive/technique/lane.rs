@@ -5,6 +5,7 @@ use super::Candidate;
 use super::model::ImageMeasurement;
 use super::start_up::StartUp;
 use super::trial_runner::TrialRunner;
+use crate::adaptive::count_choice::LEAST_SUFFIX_PATHS;
 use crate::adaptive::stopping::luminances;
 use crate::timing::TimeModel;
 use bdpm_core::base::error::Result;
@@ -76,7 +77,8 @@ impl TrialRunner<'_> {
         let pixels = self.pixels / f64::from(stride).powi(2);
         let TimeModel { light_path, merge_pair, .. } = candidate.times;
         let per_light_path = light_path + merge_pair * pixels * f64::from(LANE_CAMERA_PATHS);
-        let fits = (light / per_light_path).max(LEAST_LIGHT_PATHS);
+        let least = if own.has_cache() { LEAST_SUFFIX_PATHS.into() } else { LEAST_LIGHT_PATHS };
+        let fits = (light / per_light_path).max(least);
         let light_paths =
             (fits.min(f64::from(own.light_paths)) as u32).clamp(1, self.max_light_paths);
         // Without sets of light paths, as in trials.

@@ -237,6 +237,7 @@ impl Technique {
             Strategy::CutMis => "merging at vertices 1 and 2 and connections, weighted".to_owned(),
             Strategy::Path => "path tracing without photons".to_owned(),
             Strategy::Single => format!("merging at vertex {}", self.merge_vertex),
+            Strategy::Gather => format!("a cache of light at vertex {}", self.merge_vertex),
         };
         let how = match self.direct {
             Direct::Connect => how,
@@ -324,7 +325,7 @@ impl Selection {
         let guide = self.used_guide().map_or(settings.guide, |guided| guided.iterations);
         let bias = self.open.bias(settings);
         let mut own = Settings { guide, bias, ..self.best().apply(settings) };
-        if self.open.sobol_set {
+        if self.open.sobol_set && own.has_photons() {
             own.sobol_set = largest_sobol_set(own.light_paths);
         }
         own.light_paths = own.allowed_light_paths(MAX_LIGHT_PATHS).nearest(own.light_paths);

@@ -13,7 +13,7 @@ use super::start_up::{StartUp, StartUpLaw};
 use super::trial::Trial;
 use crate::adaptive::denoised_noise::kept_by_averages;
 use crate::timing::TimeModel;
-use bdpm_core::film::annulus::left_at_half;
+use bdpm_core::film::annulus::{LEFT_BY_CACHE, left_at_half};
 use bdpm_core::noise::Coefficients;
 use bdpm_core::render::NestedPart;
 use bdpm_core::transport::kernel::ByClass;
@@ -91,6 +91,17 @@ pub struct ImageMeasurement {
     pub times: TimeModel,
 }
 
+/// Noise of the bias of a cache, which no prediction takes as corrected: it is measured for larger
+/// parts of the image than pixels.
+const NEVER_CORRECTED: Coefficients = Coefficients { a: 0.0, b: 0.0, f: 1e12 };
+
+impl Technique {
+    /// Bias that is left where the measured one is subtracted, over it, by photon class.
+    fn left_at_half(&self) -> ByClass<f64> {
+        if self.strategy.has_cache() { LEFT_BY_CACHE } else { left_at_half(self.kernel) }
+    }
+}
+
 impl ImageScale {
     /// Width of what the image shows, scene units.
     pub fn image_width(&self) -> f64 {
@@ -127,6 +138,9 @@ impl Model {
                 Some(trial) => BiasLaw::measured(trial, radius, weights, prior),
                 None => BiasLaw::assumed(radius, prior),
             });
+        }
+        if technique.strategy.has_cache() {
+            bias[LAST] = Some(BiasLaw::assumed(trials[0].radii[LAST], BiasPrior::of_cache()));
         }
         Self {
             technique,
@@ -189,8 +203,12 @@ impl Model {
             let pairs = 3.0 * self.pairs[class] / r2;
             let f = self.light[class] * ((0.25 * r2 + g2).recip() - (r2 + g2).recip());
             let f = f.min(pairs);
-            let left = left_at_half(self.technique.kernel)[class];
-            ClassBias { square, error, left, outer: Coefficients { a: pairs - f, b: 0.0, f } }
+            let left = self.technique.left_at_half()[class];
+            let outer = match self.technique.strategy.has_cache() {
+                true => NEVER_CORRECTED,
+                false => Coefficients { a: pairs - f, b: 0.0, f },
+            };
+            ClassBias { square, error, left, outer }
         })
     }
 
@@ -228,7 +246,8 @@ impl Model {
                 })
                 .collect()
         };
-        let last = steps(open.radius, requested[LAST]);
+        let has_cache = self.technique.strategy.has_cache();
+        let last = steps(open.radius && !has_cache, requested[LAST]);
         let every = match self.bias[EVERY] {
             // Both classes take steps of the larger radius where both are open.
             Some(_) => steps(
@@ -268,7 +287,11 @@ impl Model {
     /// of the noise of discs.
     fn with_discs(&self, best: &Best, radius: f64) -> f64 {
         let pixels = radius / (DISC_PIXELS * self.footprint * PI.sqrt());
-        if best.is_noise_visible() { pixels.max(1.0).powi(4) } else { 1.0 }
+        if best.is_noise_visible() && self.technique.merges() {
+            pixels.max(1.0).powi(4)
+        } else {
+            1.0
+        }
     }
 
     /// The model that agrees with what an image has measured at its radii. How noise and bias
@@ -280,15 +303,21 @@ impl Model {
         let factor = |measured: f64, own: f64| if own > 0.0 { measured / own } else { 1.0 };
         let pairs = factor(measured.a + measured.f, own.a + own.f);
         let light = factor(measured.f, own.f);
-        let left = left_at_half(self.technique.kernel);
+        let left = self.technique.left_at_half();
         let bias = |class: PhotonClass| {
             let index = class as usize;
             let (assumed, annulus_bias2) = (self.bias[index]?, annulus_bias2?[index]);
             // theory.md (71f): the annulus holds all of the bias but what is left at half the
             // radius.
             let whole = (1.0 + left[index]).powi(2);
-            let prior = BiasPrior::new(class, self.technique, radii[index] / scale.image_width());
-            let prior = prior.by_law(&assumed, radii[index]);
+            let prior = match self.technique.strategy.has_cache() {
+                true => BiasPrior::of_cache(),
+                false => {
+                    let width = scale.image_width();
+                    let prior = BiasPrior::new(class, self.technique, radii[index] / width);
+                    prior.by_law(&assumed, radii[index])
+                }
+            };
             let measured = annulus_bias2.map(|own| whole * own);
             Some(BiasLaw::combined(radii[index], measured, assumed.falls_to, prior))
         };

@@ -63,6 +63,7 @@ pub fn run(
     let [screening, large, racing, last] = ROUNDS.map(|share| share * budget);
     let each = screening / candidates.len() as f64;
     let demand = CandidateCost {
+        has_cache: false,
         end: match end {
             End::Time(time) => End::Time((time - budget) * f64::from(renderer.config().ranks)),
             error => error,

@@ -234,7 +234,8 @@ impl Racer {
         let Self { finalist, matched, light_paths, .. } = self;
         let model = matched.as_ref()?;
         let own = model.best(demand);
-        let is_better = own.rank(demand) < PROMISING * finalist.best.rank(demand);
+        let is_elsewhere = own.radii != finalist.best.radii;
+        let is_better = is_elsewhere && own.rank(demand) < PROMISING * finalist.best.rank(demand);
         let ratio = finalist.best.light_paths() / light_paths;
         let is_weighted = model.technique.strategy.weighs_merges();
         let has_other_weights =

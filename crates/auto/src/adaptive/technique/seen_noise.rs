@@ -40,14 +40,15 @@ impl CandidateCost {
         radii: ByClass<f64>,
     ) -> Best {
         let Technique { strategy, merge_vertex, .. } = technique;
+        let own = Self { has_cache: strategy.has_cache(), ..*self };
         let [left, averaged] =
             [1.0, blur].map(|kept| left_by_denoiser(strategy, merge_vertex, *image, kept));
         let variance = |own: &Coefficients, best: &Best| {
             own.clamped().variance(best.light_paths, f64::from(best.camera_paths))
         };
-        let raw = self.evaluate(image, time, merged, radii);
+        let raw = own.evaluate(image, time, merged, radii);
         if self.denoises {
-            let best = self.evaluate(&left, time, merged, radii);
+            let best = own.evaluate(&left, time, merged, radii);
             let before_denoising = variance(image, &best) / variance(&left, &best);
             let best = Best { before_denoising, ..best };
             let is_noisy = best.noise_before_denoising() > LEAST_DENOISED_NOISE;
@@ -57,7 +58,7 @@ impl CandidateCost {
         }
         let spots = SPOTS * (raw.noise2 / VISIBLE_NOISE.powi(2)).min(1.0).powi(2);
         let counts = *image + averaged * spots;
-        let best = self.evaluate(&counts, time, merged, radii);
+        let best = own.evaluate(&counts, time, merged, radii);
         let seen = variance(&counts, &best) / variance(image, &best);
         let seen = if seen >= 1.0 { seen } else { 1.0 };
         let is_spotted = (strategy, merge_vertex) == (Strategy::Single, 1)

@@ -4,6 +4,7 @@ use super::Guided;
 use super::seen_surfaces::{footprint, merging_area};
 use super::start_up::CellGrowth;
 use super::trial::Trial;
+use crate::adaptive::count_choice::LEAST_SUFFIX_PATHS;
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
 use crate::timing::measure::{Phase, TimeSample};
@@ -216,7 +217,8 @@ impl<'a> TrialRunner<'a> {
     fn settings_of_trial(&self, settings: &Settings, nests: Option<NestedPart>) -> Settings {
         // As many photons as without splitting, so that trials of all techniques have similar
         // numbers of iterations.
-        let light_paths = (self.light_paths / settings.splitting).max(LEAST_LIGHT_PATHS);
+        let least = if settings.has_cache() { LEAST_SUFFIX_PATHS } else { LEAST_LIGHT_PATHS };
+        let light_paths = (self.light_paths / settings.splitting).max(least);
         // Trials have too few light paths for sets of them.
         let mut of_trial = Settings {
             light_paths,

@@ -305,6 +305,16 @@ impl SeenCoats {
         if is_seen { self.coat_prob[lane] } else { 0.0 }
     }
 
+    /// Share of the incident light of equal radiance from everywhere that the base of a lane sends
+    /// to the viewer. `None` if the base is no lobe of its own, or not seen.
+    #[inline]
+    pub fn base_albedo(&self, lane: usize) -> Option<Rgb> {
+        let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
+        let is_apart = !has_coat | (self.is_narrow(lane) & (self.cos[lane] > 0.0));
+        let share = PI * self.enters[lane] * self.coats.mean_transmittance[lane];
+        is_apart.then(|| self.base.get(lane) * share)
+    }
+
     /// Surfaces whose coat is rough, but narrow: its lobe is of a class of its own.
     #[inline(always)]
     fn is_narrow(&self, lane: usize) -> bool {

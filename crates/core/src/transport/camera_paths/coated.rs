@@ -126,8 +126,12 @@ impl CameraPaths {
             if pass.settings.strategy.has_photons() {
                 self.gather_coated(pass, &mis, &at, &partials, states);
             }
-            self.connect_coated(simd, pass, &mis, &at, &partials, states);
-            self.leave_coated(simd, pass, &mis, &at, &partials, states);
+            let ended = match pass.cache {
+                Some(cache) => self.end_at_bases(cache, pass, &at, states),
+                None => Mask::default(),
+            };
+            self.connect_coated(simd, pass, &mis, &at, (&partials, &ended), states);
+            self.leave_coated(simd, pass, &mis, &at, (&partials, &ended), states);
         }
         self.coated.clear();
     }
@@ -191,7 +195,7 @@ impl CameraPaths {
         }
     }
 
-    /// Connects all vertices with light sources.
+    /// Connects all vertices with light sources; bases of `ended` lanes have their light already.
     #[inline(always)] // vectorized
     fn connect_coated(
         &mut self,
@@ -199,9 +203,10 @@ impl CameraPaths {
         pass: &CameraPass,
         mis: &Mis,
         at: &CoatedVertices,
-        partials: &[CameraPartial; LANES],
+        (partials, ended): (&[CameraPartial; LANES], &Mask),
         states: &mut PathStates,
     ) {
+        let is_recorded = self.suffixes.is_some();
         let receivers =
             Receivers { active: &at.active, position: &at.position, normal: &at.normal };
         let lights = pass.scene.lights();
@@ -232,10 +237,10 @@ impl CameraPaths {
             let weight = mis.balance.connection_weight(merges, l, density * hits);
             let rough_weight = mis.balance.connection_weight(rough_merges, l, rough_density * hits);
             // theory.md (42), third and fourth line
-            let wide = carried * value * weight;
+            let wide = carried * value * if ended[lane] { 0.0 } else { weight };
             let rough = carried * rough.value.get(lane) * rough_weight;
             // Light of rough lobes after the first diffuse vertex is part of caustics.
-            let is_caustic = if number == 2 { 1.0 } else { 0.0 };
+            let is_caustic = if (number == 2) | is_recorded { 1.0 } else { 0.0 };
             sum.set(lane, wide + rough * (1.0 - is_caustic));
             caustic.set(lane, rough * is_caustic);
         }
@@ -251,7 +256,7 @@ impl CameraPaths {
         }
     }
 
-    /// Continues the paths.
+    /// Continues the paths; those of `ended` lanes only by coats.
     #[inline(always)] // vectorized
     fn leave_coated(
         &mut self,
@@ -259,7 +264,7 @@ impl CameraPaths {
         pass: &CameraPass,
         mis: &Mis,
         at: &CoatedVertices,
-        partials: &[CameraPartial; LANES],
+        (partials, ended): (&[CameraPartial; LANES], &Mask),
         states: &mut PathStates,
     ) {
         let numbers = self.lobe_numbers(states);
@@ -267,6 +272,9 @@ impl CameraPaths {
         let ends = states.rng.next_1d();
         if self.records_aovs {
             self.record_rough_samples(&at.active, &samples, states);
+        }
+        if self.suffixes.is_some() {
+            self.record_bases(pass, at, states, &samples);
         }
         let (mut goes_on, mut density) = (Mask::default(), [0.0; LANES]);
         let before = states.history;
@@ -291,7 +299,8 @@ impl CameraPaths {
             let scattering = if number > 1 { survival(weight) } else { 1.0 };
             let survival = if passes { passing } else { scattering };
             let is_left = samples.is_some[lane] & at.agrees(lane, wi);
-            goes_on[lane] = at.active[lane] & is_left & (ends[lane] < survival);
+            let is_over = ended[lane] & !passes;
+            goes_on[lane] = at.active[lane] & is_left & !is_over & (ends[lane] < survival);
             states.weight.set(lane, carried * guided[lane] / survival);
         }
         let left = Left { samples: &samples, density: &density, goes_on: &goes_on };

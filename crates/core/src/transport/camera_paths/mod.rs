@@ -12,6 +12,7 @@ mod mis;
 mod non_diffuse;
 mod points;
 mod shadow_rays;
+mod suffixes;
 
 pub use aov::PathAov;
 
@@ -21,6 +22,7 @@ use super::light_paths::survival;
 use super::mis::Mis;
 use super::path_queue::PathQueue;
 use super::path_state::{History, PathStates};
+use super::suffix_cache::{SuffixCache, SuffixRecorder};
 use crate::accel::{Coherence, HitPacket, Intersect};
 use crate::base::math::Rgb;
 use crate::base::rng::{StreamKey, camera_path_index};
@@ -39,6 +41,7 @@ pub use points::CameraPoints;
 use points::FirstVertex;
 use shadow_rays::Connections;
 use std::{array::from_fn, mem};
+pub use suffixes::CachedLight;
 pub(super) use {meter::at_pane, non_diffuse::survives_passing};
 
 /// Pixel and number of a camera path, which determine its random numbers.
@@ -71,6 +74,8 @@ pub struct CameraPass<'a> {
     pub points: Option<CameraPoints>,
     /// Guide of the directions from diffuse vertices.
     pub directions: Option<&'a DirectionGuide>,
+    /// Light at which paths end.
+    pub cache: Option<&'a SuffixCache>,
 }
 
 /// Camera paths that are merged together, traced batch by batch; buffers are reused.
@@ -108,6 +113,10 @@ pub struct CameraPaths {
     hit_weights: Option<Mis>,
     /// Last vertex of each path, with these weights.
     last_vertices: Vec<LastVertex>,
+    /// Light of each path from the cache; empty without one.
+    pub cached: Vec<CachedLight>,
+    /// Suffixes, if recorded.
+    pub suffixes: Option<SuffixRecorder>,
     /// AOVs of each path, if recorded.
     pub aovs: Vec<PathAov>,
     /// Directions of diffuse vertices, if recorded.
@@ -147,6 +156,7 @@ impl CameraPaths {
     /// Removes all paths.
     pub fn clear(&mut self) {
         self.direct.clear();
+        self.cached.clear();
         self.gather_points.clear();
         self.views.clear();
         self.medium_points.clear();
@@ -164,6 +174,7 @@ impl CameraPaths {
             |simd| self.start(simd, pass, paths),
         );
         self.start_partials();
+        self.start_suffixes(pass);
         if self.records_aovs {
             self.start_aovs();
         }
@@ -191,6 +202,7 @@ impl CameraPaths {
             self.add_connections(pass, coherence);
             self.points.clear();
             self.end_current_directions();
+            self.end_suffix_vertices();
             coherence = Coherence::Incoherent;
         }
         self.end_directions();
@@ -311,6 +323,12 @@ impl CameraPaths {
             if self.records_aovs {
                 self.record_diffuse(pass, &at, &states);
             }
+            if at.any_emits {
+                self.add_emission(pass, &at, &states);
+            }
+            if pass.cache.is_some() || self.suffixes.is_some() {
+                self.end_or_record(pass, &mut at, &states);
+            }
             self.scatter_diffuse(simd, pass, &at, &mut states);
         }
         self.scatter_all_coated(simd, pass);
@@ -327,9 +345,6 @@ impl CameraPaths {
         at: &DiffuseVertices,
         states: &mut PathStates,
     ) {
-        if at.any_emits {
-            self.add_emission(pass, at, states);
-        }
         let (mis, lights) = (self.mis, pass.scene.lights());
         let earlier = if mis.is_some() { self.earlier_merges(at, states) } else { [0.0; LANES] };
         let weights = at.weights(&states.weight);

@@ -26,7 +26,7 @@ pub(super) struct Connections {
 
 impl Connections {
     /// Marks connections from rough lobes after the first diffuse vertex: they are part of
-    /// caustics.
+    /// caustics, and of no suffix that begins at their vertex.
     pub const CAUSTIC: u32 = 1 << 31;
     /// Marks connections from meters.
     pub const METER: u32 = 1 << 30;
@@ -125,6 +125,11 @@ impl CameraPaths {
                 }
                 let index = (path & Connections::PATH) as usize;
                 self.direct[index] += visible;
+                if path & Connections::CAUSTIC != 0
+                    && let Some(recorder) = &mut self.suffixes
+                {
+                    recorder.add_other(index, visible);
+                }
                 if self.records_aovs {
                     let aov = &mut self.aovs[index];
                     match path & Connections::METER {

@@ -1,0 +1,184 @@
+//! Suffixes of camera paths: full paths record them, and short paths end where a cache knows them.
+//! theory.md, section 11c.
+
+use super::{CameraPass, CameraPaths};
+use crate::base::math::{Rgb, luminance};
+use crate::scene::bsdf::coats::CoatSamples;
+use crate::scene::coated_hits::CoatedVertices;
+use crate::scene::diffuse::DiffuseVertices;
+use crate::simd::{LANES, Mask};
+use crate::transport::path_state::PathStates;
+use crate::transport::suffix_cache::{SuffixCache, SuffixRecord};
+use glam::Vec3;
+
+/// Light of a camera path from a cache, W/(m^2 sr).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CachedLight {
+    /// The light.
+    pub sum: Rgb,
+    /// Its luminance if one half of the suffixes alone had filled the cache.
+    pub halves: [f32; 2],
+}
+
+/// A diffuse lobe at a vertex.
+struct Lobe {
+    position: Vec3,
+    normal: Vec3,
+    /// Throughput times albedo.
+    carried: Rgb,
+    /// Length of the segment to the vertex, scene units.
+    distance: f32,
+}
+
+impl CameraPass<'_> {
+    /// Tests whether suffixes that begin at the vertex after this many diffuse ones are cached.
+    /// Those of one wavelength are not: they carry other colors.
+    #[inline(always)] // part of the loops over vertices
+    fn is_suffix(&self, states: &PathStates, lane: usize) -> bool {
+        let history = states.history[lane];
+        (history.diffuse() + 1 >= self.settings.merge_vertex) & (history.wavelength_index() == 0)
+    }
+}
+
+impl CameraPaths {
+    /// Prepares for the new paths, the last in `direct`.
+    pub(super) fn start_suffixes(&mut self, pass: &CameraPass) {
+        if pass.cache.is_some() {
+            // Entries from the first new path on belong to paths that were cleared.
+            self.cached.truncate(self.first_path);
+            self.cached.resize(self.direct.len(), CachedLight::default());
+        }
+        if let Some(recorder) = &mut self.suffixes {
+            recorder.start(self.direct.len());
+        }
+    }
+
+    /// Ends or records suffixes at Lambertian vertices, whose emission was added. Paths that end
+    /// have no vertex any more.
+    #[inline(never)] // not part of other strategies
+    pub(super) fn end_or_record(
+        &mut self,
+        pass: &CameraPass,
+        at: &mut DiffuseVertices,
+        states: &PathStates,
+    ) {
+        for lane in 0..LANES {
+            if !at.active[lane] || !pass.is_suffix(states, lane) {
+                continue;
+            }
+            let lobe = Lobe {
+                position: at.position.get(lane),
+                normal: at.normal.get(lane),
+                carried: states.weight.get(lane) * at.albedo.get(lane),
+                distance: (at.position.get(lane) - states.origin.get(lane)).length(),
+            };
+            if let Some(cache) = pass.cache {
+                at.active[lane] = !self.look_up(cache, &lobe, states, lane);
+            }
+            self.record(&lobe, states, lane, 1.0);
+        }
+    }
+
+    /// Adds the light of a lobe from a cache. Returns false if the cache does not know it.
+    #[inline]
+    fn look_up(
+        &mut self,
+        cache: &SuffixCache,
+        lobe: &Lobe,
+        states: &PathStates,
+        lane: usize,
+    ) -> bool {
+        let Lobe { position, normal, carried, distance } = *lobe;
+        let Some(light) = cache.find(position, normal, distance) else { return false };
+        let cached = &mut self.cached[states.path[lane] as usize];
+        // theory.md (44i)
+        cached.sum += carried * light.mean;
+        for (sum, half) in cached.halves.iter_mut().zip(light.halves) {
+            *sum += luminance(carried * half);
+        }
+        true
+    }
+
+    /// Records a lobe that the path took with this probability.
+    #[inline]
+    fn record(&mut self, lobe: &Lobe, states: &PathStates, lane: usize, prob: f32) {
+        let Some(recorder) = &mut self.suffixes else { return };
+        let Lobe { position, normal, carried, distance } = *lobe;
+        let path = states.path[lane];
+        let light = self.direct[path as usize];
+        recorder.push(SuffixRecord { position, normal, carried, light, prob, distance, path });
+    }
+
+    /// The lobe of a diffuse base. Coats so rough that they count as diffuse have none: what they
+    /// reflect depends on the direction.
+    #[inline]
+    fn base_lobe(
+        pass: &CameraPass,
+        at: &CoatedVertices,
+        states: &PathStates,
+        lane: usize,
+    ) -> Option<Lobe> {
+        if !at.active[lane] || !pass.is_suffix(states, lane) {
+            return None;
+        }
+        Some(Lobe {
+            position: at.position.get(lane),
+            normal: at.shading_normal.get(lane),
+            carried: states.weight.get(lane) * at.bsdf.base_albedo(lane)?,
+            distance: (at.position.get(lane) - states.origin.get(lane)).length(),
+        })
+    }
+
+    /// Adds the light of bases that a cache knows. Returns their lanes, in which only coats are
+    /// left.
+    #[inline(never)] // not part of other strategies
+    pub(super) fn end_at_bases(
+        &mut self,
+        cache: &SuffixCache,
+        pass: &CameraPass,
+        at: &CoatedVertices,
+        states: &PathStates,
+    ) -> Mask {
+        let mut ended = Mask::default();
+        for (lane, ended) in ended.iter_mut().enumerate() {
+            if let Some(lobe) = Self::base_lobe(pass, at, states, lane) {
+                *ended = self.look_up(cache, &lobe, states, lane);
+            }
+        }
+        ended
+    }
+
+    /// Records the bases that paths leave. `states` are those before.
+    #[inline(never)] // not part of images
+    pub(super) fn record_bases(
+        &mut self,
+        pass: &CameraPass,
+        at: &CoatedVertices,
+        states: &PathStates,
+        samples: &CoatSamples,
+    ) {
+        for lane in 0..LANES {
+            if samples.passes_through[lane] {
+                continue;
+            }
+            if let Some(lobe) = Self::base_lobe(pass, at, states, lane) {
+                self.record(&lobe, states, lane, 1.0 - at.bsdf.pass_prob(lane));
+            }
+        }
+    }
+
+    /// Ends the vertices whose connections were added.
+    pub(super) fn end_suffix_vertices(&mut self) {
+        if let Some(recorder) = &mut self.suffixes {
+            recorder.end_vertices(&self.direct);
+        }
+    }
+
+    /// Records of all suffixes since the paths were cleared, of one batch.
+    pub fn end_suffixes(&mut self) -> Vec<SuffixRecord> {
+        match &mut self.suffixes {
+            Some(recorder) => recorder.end_paths(&self.direct).collect(),
+            None => Vec::new(),
+        }
+    }
+}
