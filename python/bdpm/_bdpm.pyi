@@ -51,7 +51,7 @@ class Settings(TypedDict, total=False):
     bias: Literal["keep", "reduce"]
     kernel: Literal["area", "disc"]
     merge_vertex: int
-    strategy: Literal["single", "mis", "cut-mis", "path"]
+    strategy: Literal["single", "mis", "cut-mis", "path", "gather"]
     guide: int
     sobol_set: int
     splitting: int

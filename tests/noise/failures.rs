@@ -5,7 +5,7 @@ use bdpm::adaptive::stopping::StoppedBy;
 use bdpm::base::error::{Error, Result};
 use bdpm::job::{PlantedFailure, Step};
 use bdpm::load::Loaded;
-use bdpm::settings::PartialSettings;
+use bdpm::settings::{PartialSettings, Strategy};
 use bdpm::{Event, RenderJob, RenderResult, Stop};
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -72,7 +72,14 @@ fn time_of_zero_is_refused_with_advice() {
 
 #[test]
 fn failed_audit_keeps_the_technique() {
-    let (result, warnings) = with_failure(job(&loaded()), Step::Audit, 1);
+    // A cache would audit itself.
+    let settings = PartialSettings {
+        resolution: Some([40, 30]),
+        strategy: Some(Strategy::Mis),
+        ..Default::default()
+    };
+    let job = job(&loaded()).settings(settings);
+    let (result, warnings) = with_failure(job, Step::Audit, 1);
     assert_eq!(result.stopped_by, StoppedBy::Time);
     let expected = "the technique is kept: the audit failed: planted";
     assert!(warnings.iter().any(|warning| warning.starts_with(expected)), "{warnings:?}");

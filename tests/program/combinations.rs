@@ -11,6 +11,7 @@ const OPTIONS: &[&str] = &[
     "--strategy mis",
     "--strategy cut-mis",
     "--strategy path",
+    "--strategy gather",
     "--merge-vertex 1",
     "--splitting 4",
     "--sobol-set 32",
@@ -70,7 +71,7 @@ impl Case<'_> {
             "a medium that scatters, or outside of glass" => self.scatters,
             "a scene without media that scatter" => !self.scatters,
             "a scene without dispersion" => true,
-            "several processes" => false,
+            "several processes" | "meters" => false,
             options => self.has_option(options),
         }
     }

@@ -69,9 +69,8 @@ pub struct BiasPrior {
     minimum: f64,
 }
 
-/// Typical squared relative bias of a cache: 2 to 5 % of a pixel in rooms, and how it falls with
-/// the width of cells.
-const CACHE_BIAS: f64 = 0.03 * 0.03;
+/// Typical squared relative bias of a cache, where it is corrected: .5 % in rooms.
+const CACHE_BIAS: f64 = 0.005 * 0.005;
 
 impl BiasPrior {
     /// Prior of a cache, whose cells hardly matter: light is averaged over the half space anyway.

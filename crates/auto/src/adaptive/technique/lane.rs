@@ -1,10 +1,10 @@
 //! A lane of the race: iterations of a technique at its real radii and number of light paths, on a
 //! sample of the pixels.
 
-use super::Candidate;
 use super::model::ImageMeasurement;
 use super::start_up::StartUp;
 use super::trial_runner::TrialRunner;
+use super::{Candidate, largest_sobol_set};
 use crate::adaptive::count_choice::LEAST_SUFFIX_PATHS;
 use crate::adaptive::stopping::luminances;
 use crate::timing::TimeModel;
@@ -61,7 +61,8 @@ pub struct LaneMeasurement {
 
 impl TrialRunner<'_> {
     /// A lane of the race: the candidate on one pixel of each square of `stride` by `stride`
-    /// pixels, with as many of its light paths as take `light` seconds.
+    /// pixels, with as many of its light paths as take `light` seconds, in sets if the image has
+    /// them.
     ///
     /// # Errors
     /// As [`Renderer::new`].
@@ -69,7 +70,7 @@ impl TrialRunner<'_> {
         &mut self,
         candidate: &Candidate,
         settings: &Settings,
-        (stride, light): (u32, f64),
+        (stride, light, has_sets): (u32, f64, bool),
     ) -> Result<Lane> {
         let own = candidate.apply(settings);
         let mis_scales = Some(own.mis_scales());
@@ -81,13 +82,14 @@ impl TrialRunner<'_> {
         let fits = (light / per_light_path).max(least);
         let light_paths =
             (fits.min(f64::from(own.light_paths)) as u32).clamp(1, self.max_light_paths);
-        // Without sets of light paths, as in trials.
+        let sobol_set =
+            if has_sets && own.has_photons() { largest_sobol_set(light_paths) } else { 1 };
         let own = Settings {
-            light_paths,
+            light_paths: light_paths / sobol_set * sobol_set,
             camera_paths: LANE_CAMERA_PATHS,
             seed: own.seed.wrapping_add(LANE_SEED),
             guide: 0,
-            sobol_set: 1,
+            sobol_set,
             mis_scales,
             ..own
         };

@@ -276,7 +276,6 @@ impl Pilot<'_> {
             settings: self.settings,
             demand: self.demand,
             scale: self.scale(),
-            least_luminance: self.least_luminance,
             runner: &mut self.runner,
         };
         let mut finalists = race(field, track, racing)?;

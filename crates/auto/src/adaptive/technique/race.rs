@@ -71,8 +71,6 @@ pub struct Track<'a, 'b> {
     pub settings: &'b Settings,
     pub demand: CandidateCost,
     pub scale: ImageScale,
-    /// Mean luminance that the image has at least, by all trials, W/(m^2 sr).
-    pub least_luminance: f64,
 }
 
 /// Lets the best of `field` race for some seconds. Returns the best first, and those that did not
@@ -156,7 +154,8 @@ impl Track<'_, '_> {
         let Finalist { model, best, .. } = &finalist;
         let candidate = best.scored(model.technique);
         let light_paths = f64::from(candidate.light_paths);
-        let lane = self.runner.lane(&candidate, self.settings, (shape.stride, shape.light))?;
+        let shape = (shape.stride, shape.light, self.demand.open.sobol_set);
+        let lane = self.runner.lane(&candidate, self.settings, shape)?;
         Ok(Racer { finalist, lane, light_paths, measured: None, matched: None })
     }
 
@@ -175,9 +174,14 @@ impl Track<'_, '_> {
             racer.measured = racer.lane.measured(self.runner, &weights);
         }
         let sharp: Vec<Seen> = racers.iter().filter_map(Racer::seen).collect();
+        // Trials saw other pixels, whose mean luminance may differ by as much as missing light.
+        // Lanes that merge nothing are compared with the sharpest of the others.
+        let reaches = sharp.iter().map(|own| own.reach).filter(|reach| *reach > 0.0);
+        let sharpest = reaches.fold(f64::INFINITY, f64::min);
         for racer in racers {
-            let sharper = sharp.iter().filter(|own| own.reach < 1.01 * racer.reach());
-            let least = sharper.map(|own| own.least).fold(self.least_luminance, f64::max);
+            let reach = if racer.reach() > 0.0 { racer.reach() } else { sharpest };
+            let sharper = sharp.iter().filter(|own| own.reach < 1.01 * reach);
+            let least = sharper.map(|own| own.least).fold(0.0, f64::max);
             let most = sharp.iter().filter(|own| own.reach < 0.99 * racer.reach());
             let most = most.map(|own| own.most).reduce(f64::max);
             racer.judge(self, [least, most.unwrap_or(f64::INFINITY)]);
@@ -282,8 +286,7 @@ mod tests {
             Finalist { model: at, best, is_reserve: false }
         };
         let field = radii.map(finalist).into_iter().collect();
-        let least_luminance = 0.0;
-        let track = Track { runner: &mut runner, settings: &own, demand, scale, least_luminance };
+        let track = Track { runner: &mut runner, settings: &own, demand, scale };
         let ranked = race(field, track, 0.0).unwrap();
         assert!(ranked[0].best.tried);
         ranked.iter().map(|own| own.best.radii[0] as f32).collect()
