@@ -51,6 +51,8 @@ pub struct RenderReport<'a> {
     pub merge_bias: Option<&'a BiasOverNoise>,
     /// Light that the scene may have and the image has not seen.
     pub unseen_light: Option<String>,
+    /// Light whose beam merges in media blur.
+    pub narrow_beam: Option<String>,
     /// Comparison of the image with its audit.
     pub audit: Option<&'a AuditReport>,
     /// Why there is no audit, if the scene is the reason.
@@ -85,6 +87,7 @@ impl<'a> RenderReport<'a> {
             half_way: state.half_way(),
             merge_bias: result.merge_bias.as_ref(),
             unseen_light: result.unseen_light.as_ref().map(|light| light.describe()),
+            narrow_beam: result.narrow_beam.clone(),
             audit: result.audit.as_ref(),
             without_audit: reason_without_audit(result),
             exr: name(&writer.outputs.exr),
@@ -205,6 +208,13 @@ pub fn text(report: &RenderReport, is_verbose: bool) -> String {
             "warning: no photon has shown any {unseen}; if there is such light, the image lacks it and \
              its error has no upper bound\n\
              help: render longer without --strategy, --light-paths and --camera-paths\n"
+        );
+    }
+    if let Some(beam) = &report.narrow_beam {
+        text += &format!(
+            "warning: the beam of `{beam}` is narrower than merges in media, which blur it: the error of \
+             the image has no upper bound\n\
+             help: lower --medium-scale\n"
         );
     }
     text += &audit(report, is_verbose);

@@ -33,6 +33,7 @@ mod media_merges;
 mod media_slab;
 mod meters;
 mod mis;
+mod near_faces;
 mod normal_maps;
 mod reference;
 mod scenes;

@@ -174,6 +174,8 @@ struct PreparedRay {
     t_far: f32,
     axes: [usize; 3],
     shear: Vec3,
+    /// Scaled direction.
+    direction: Vec3,
     /// Distances times this are in units of the caller's direction.
     scale: f32,
 }
@@ -199,7 +201,8 @@ impl PreparedRay {
             (x, y) = (y, x); // keeps the winding
         }
         let shear = Vec3::new(direction[x], direction[y], 1.0) / direction[z];
-        Self { origin: ray.origin, inverse, t_near, t_far, axes: [x, y, z], shear, scale }
+        let origin = ray.origin;
+        Self { origin, inverse, t_near, t_far, axes: [x, y, z], shear, direction, scale }
     }
 
     /// Distance at which the ray enters a node's box, at least `t_near`; infinite if it misses it.
@@ -245,7 +248,16 @@ impl PreparedRay {
         if determinant == 0.0 {
             return None; // edge-on, or without area
         }
-        let distance = self.shear.z * (u * a[kz] + v * b[kz] + w * c[kz]) / determinant;
+        let [near, far] = [a[kz].min(b[kz]).min(c[kz]), a[kz].max(b[kz]).max(c[kz])];
+        let [near, far] = [near * self.shear.z, far * self.shear.z];
+        // By the plane: the part of the origin's distance along the normal has no rounding errors
+        // of coordinates across it, so that rays may start very near to large triangles. Those that
+        // run almost in the plane lose the distance, but not the range of the corners.
+        let normal = (b - a).cross(c - a);
+        let distance = match normal.dot(self.direction) {
+            0.0 => self.shear.z * (u * a[kz] + v * b[kz] + w * c[kz]) / determinant,
+            along => (normal.dot(a) / along).max(near.min(far)).min(near.max(far)),
+        };
         // Written so that NaN, from coordinates near the limit, is no hit.
         let inside = distance > self.t_near && distance < t_max;
         inside.then(|| (distance, v / determinant, w / determinant))

@@ -8,6 +8,7 @@ pub mod bias_over_noise;
 pub mod bias_correction;
 mod direction_learning;
 pub mod findable_light;
+pub mod narrow_beam;
 pub mod block;
 pub mod combined_image;
 mod config;

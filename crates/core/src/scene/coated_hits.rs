@@ -28,6 +28,8 @@ pub struct CoatedHits {
     pub u: [f32; LANES],
     /// Barycentric weights of the third vertices.
     pub v: [f32; LANES],
+    /// Distances along the rays, scene units.
+    pub t: [f32; LANES],
 }
 
 /// Scratch memory for the data of surfaces that are hit.
@@ -177,13 +179,13 @@ impl Scene {
         lanes_of(lanes).fold(0, |all, lane| all | u32::from(is_plain(lane)) << lane)
     }
 
-    /// The surfaces of the first `count` hits of [`Self::plain_placements`], by rays of these unit
-    /// directions.
+    /// The surfaces of the first `count` hits of [`Self::plain_placements`], by rays of these
+    /// origins and unit directions.
     #[inline(always)] // part of the loop over vertices
     pub fn coated_vertices(
         &self,
         simd: Simd,
-        directions: &Vec3s,
+        [origins, directions]: [&Vec3s; 2],
         hits: &CoatedHits,
         count: usize,
         scratch: &mut CoatedScratch,
@@ -191,6 +193,8 @@ impl Scene {
     ) {
         self.read_coated(simd, hits, count, scratch);
         let seen = scratch.seen_sides(directions, hits, count, at);
+        let places = (&mut at.position, &at.normal, &mut at.off_surface);
+        scratch.triangle.refine_wide([origins, directions], &hits.t, places);
         let (mut textures, mut color) = ([None; LANES], Vec3s::default());
         for (lane, own) in textures.iter_mut().enumerate().take(count) {
             let material = &self.materials[at.material[lane] as usize];
@@ -368,19 +372,27 @@ mod tests {
         let simd = Simd::default();
         for _ in 0..300 {
             let mut hits = HitPacket::default();
-            let mut directions = Vec3s::default();
+            let (origins, mut directions) = <(Vec3s, Vec3s)>::default();
             for lane in 0..LANES {
                 let [u, v] = rng.next_2d();
                 let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
                 let (mesh, triangle) = (rng.next_u32() % 12, rng.next_u32() % 2);
-                hits.set(lane, &Hit { t: 1.0, u, v, mesh, triangle });
+                // So far away that the rays do not refine the points.
+                hits.set(lane, &Hit { t: 1e3, u, v, mesh, triangle });
                 directions.set(lane, uniform_sphere(rng.next_2d()));
             }
             assert_eq!(scene.plain_placements(&hits, 0xffff), 0xffff);
-            let HitPacket { mesh, triangle, u, v, .. } = hits;
-            let own = CoatedHits { mesh, triangle, u, v };
+            let HitPacket { mesh, triangle, u, v, t } = hits;
+            let own = CoatedHits { mesh, triangle, u, v, t };
             let count = 1 + (rng.next_u32() % 16) as usize;
-            scene.coated_vertices(simd, &directions, &own, count, &mut scratch, &mut at);
+            scene.coated_vertices(
+                simd,
+                [&origins, &directions],
+                &own,
+                count,
+                &mut scratch,
+                &mut at,
+            );
             let mut wi = Vec3s::default();
             let surfaces: [_; LANES] = from_fn(|lane| {
                 let ray = Ray::new(Vec3::ZERO, directions.get(lane));

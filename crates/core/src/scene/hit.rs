@@ -5,7 +5,7 @@ use super::diffuse::{DiffuseVertices, TriangleSide};
 use super::normal_map::Tangent;
 use super::shading::with_lost_light;
 use super::transform::Transform;
-use super::triangle::{interpolate, to_front};
+use super::triangle::{interpolate, refined, to_front};
 use super::{Corners, Material, Placement, Scene, Surface, Triangle};
 use crate::accel::{Hit, HitPacket, Ray};
 use crate::base::math::Rgb;
@@ -45,7 +45,7 @@ pub(super) struct Triangles {
     pub normal: Vec3s,
     pub offset: [f32; LANES],
     pub material: [u32; LANES],
-    area: [f32; LANES],
+    pub area: [f32; LANES],
     pub corners: [u32; LANES],
 }
 
@@ -57,6 +57,52 @@ struct Lambertians {
     flags: [u32; LANES],
 }
 
+/// Area of a triangle over the squared distance of a hit from which on rounding errors of its
+/// points may show: they are 1e-5 of the distance.
+const WIDE: f32 = 1e3;
+
+impl Triangles {
+    /// Moves vertices of triangles that are so large that their rounding errors may show to their
+    /// rays, of these origins and unit directions.
+    #[inline(always)] // part of the loop over vertices
+    pub fn refine_wide(
+        &self,
+        rays: [&Vec3s; 2],
+        t: &[f32; LANES],
+        vertices: (&mut Vec3s, &Vec3s, &mut Vec3s),
+    ) {
+        if any(&from_fn(|lane| self.is_wide(lane, t[lane]))) {
+            self.refine(rays, t, vertices);
+        }
+    }
+
+    #[inline(always)]
+    fn is_wide(&self, lane: usize, t: f32) -> bool {
+        self.area[lane] > WIDE * t * t
+    }
+
+    /// Moves vertices along their triangles to their rays.
+    #[inline(never)] // keeps the common case short
+    fn refine(
+        &self,
+        [origins, directions]: [&Vec3s; 2],
+        t: &[f32; LANES],
+        (position, normal, off_surface): (&mut Vec3s, &Vec3s, &mut Vec3s),
+    ) {
+        // Results do not depend on the other lanes.
+        for lane in (0..LANES).filter(|&lane| self.is_wide(lane, t[lane])) {
+            let (point, normal) = (position.get(lane), normal.get(lane));
+            let [origin, edge1, edge2] =
+                [&self.origin, &self.edge1, &self.edge2].map(|part| part.get(lane));
+            let reach = (origin.abs() + edge1.abs() + edge2.abs()).max_element();
+            let ray = [origins.get(lane), directions.get(lane)];
+            let point = refined((point, normal, reach), ray, t[lane]);
+            position.set(lane, point);
+            off_surface.set(lane, point + normal * self.offset[lane]);
+        }
+    }
+}
+
 impl Scene {
     /// Sets `at` to the vertices where the first `count` rays hit surfaces that are Lambertian and
     /// uniform over the triangle. Returns the other rays.
@@ -64,7 +110,7 @@ impl Scene {
     pub fn lambertian(
         &self,
         simd: Simd,
-        directions: &Vec3s,
+        rays: [&Vec3s; 2],
         hits: &HitPacket,
         count: usize,
         seen: &mut HitScratch,
@@ -101,7 +147,7 @@ impl Scene {
                 is_hit[lane] & !is_lambertian & (flags & Lambertian::IS_COATED_BASE != 0);
             emits[lane] = is_lambertian & (flags & Lambertian::EMITS != 0);
             // The arithmetic of `Triangle::point` and `shade`.
-            let front = triangle.normal.get(lane).dot(directions.get(lane)) <= 0.0;
+            let front = triangle.normal.get(lane).dot(rays[1].get(lane)) <= 0.0;
             let normal = triangle.normal.get(lane) * if front { 1.0 } else { -1.0 };
             let [edge1, edge2] = [&triangle.edge1, &triangle.edge2].map(|edge| edge.get(lane));
             let position = triangle.origin.get(lane) + hits.u[lane] * edge1 + hits.v[lane] * edge2;
@@ -113,6 +159,7 @@ impl Scene {
             let reflects = if front | (flags & Lambertian::TWO_SIDED != 0) { 1.0 } else { 0.0 };
             at.albedo.set(lane, material.albedo.get(lane) * reflects);
         }
+        triangle.refine_wide(rays, &hits.t, (&mut at.position, &at.normal, &mut at.off_surface));
         if any(&emits) {
             self.set_emission(&triangles, &emits, at);
         }
@@ -185,7 +232,9 @@ impl Scene {
         let material = &self.materials[triangle.material as usize];
         let front = triangle.normal.dot(ray.direction) <= 0.0;
         let normal = if front { triangle.normal } else { -triangle.normal };
-        let position = triangle.point(at);
+        let rounded = triangle.point(at);
+        let own = [ray.origin, ray.direction];
+        let position = refined((rounded, triangle.normal, triangle.reach()), own, hit.t);
         let flat = Surface {
             position,
             facet: TriangleSide::new(hit.mesh, hit.triangle, front),
@@ -323,7 +372,7 @@ mod tests {
             let (mut seen, mut at) = <(HitScratch, DiffuseVertices)>::default();
             let (directions, hits) = (Vec3s::splat(-Vec3::Z), HitPacket::default());
             let simd = Simd::default();
-            let rest = scene.lambertian(simd, &directions, &hits, 5, &mut seen, &mut at);
+            let rest = scene.lambertian(simd, [&directions; 2], &hits, 5, &mut seen, &mut at);
             assert_eq!((rest.missed, rest.others), (0b1_1111, 0));
             assert!(!any(&at.active));
         }

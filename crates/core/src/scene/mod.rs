@@ -20,6 +20,7 @@ mod media;
 mod medium;
 mod mesh;
 mod meter;
+mod near_faces;
 mod normal_map;
 mod pane_stack;
 pub mod panes;
@@ -53,6 +54,7 @@ pub use media::{Media, MediumBoundary, MediumState};
 pub use medium::{Flight, Medium, henyey_greenstein};
 pub use mesh::Mesh;
 pub use meter::{MAX_METERS, Meter, MeterKind, MeterSet, Meters};
+pub use near_faces::NearFaces;
 pub use normal_map::NormalMap;
 pub use pane_stack::PaneStack;
 pub use placement::{Arrangement, Placement};
@@ -72,6 +74,7 @@ use coated_hits::Coated;
 use diffuse::TriangleSide;
 use glam::{DVec3, Vec3};
 use hit::Lambertian;
+use lights::enclosure::Enclosure;
 use lights::guide::Guide;
 use lights::visibility::Visibility;
 use placement::Emitting;
@@ -210,8 +213,7 @@ impl Scene {
         }
         for emitter in &mut emitters {
             if let Emitter::Directional(light) = emitter {
-                light.center = bounds.center();
-                light.radius = bounds.enclosing_radius();
+                light.enclosure = Enclosure::new(&bounds);
             }
         }
         // `Lights` keeps the emitters with power, in this order.
@@ -332,7 +334,7 @@ impl Scene {
     /// Distance off a plane through this position at which rays start, scene units; its unit normal
     /// is given.
     pub(crate) fn offset_at(&self, position: Vec3, normal: Vec3) -> f32 {
-        Triangle::point_offset(normal, position) + self.ray_offset
+        Triangle::offset(normal, position.abs()) + self.ray_offset
     }
 
     /// Box around all meshes.

@@ -176,8 +176,8 @@ impl Transform {
         Self { map: DAffine3 { translation, ..self.map }, ..*self }
     }
 
-    /// Transforms a triangle; its offset covers the rounding errors of rays that an instance
-    /// transforms.
+    /// Transforms a triangle. Its offset covers the rounding errors of rays that an instance
+    /// transforms: the largest coordinate counts for all axes.
     pub(crate) fn triangle(&self, stored: &Triangle) -> Triangle {
         let Triangle { origin, edge1, edge2, normal, area, .. } = *stored;
         let edge = |edge: Vec3| (self.map.matrix3 * edge.as_dvec3()).as_vec3();
@@ -195,7 +195,7 @@ impl Transform {
             edge1,
             edge2,
             normal,
-            offset: Triangle::offset((reach * self.magnification) as f32),
+            offset: Triangle::offset(normal, Vec3::splat((reach * self.magnification) as f32)),
             area: area as f32,
             ..*stored
         }

@@ -26,8 +26,27 @@ pub struct Triangle {
     pub(super) corners: u32,
 }
 
-/// Least distance off a plane at which rays from a meter start, over its largest coordinate.
-const LEAST_OFFSET: f32 = f32::EPSILON / 8.0;
+/// Rounding errors of a point along the normal of its plane, in units in the last place of the
+/// coordinates: of the point, of its plane, and of the distance to that plane along a ray.
+const OFF_PLANE: f32 = 32.0 * f32::EPSILON;
+
+/// Least ratio of the rounding errors of a point by its barycentric weights to those by its ray at
+/// which the ray counts: distances along rays have a few rounding errors more.
+const COARSE: f32 = 4.0;
+
+/// A point that a ray of unit direction hits. Barycentric weights of wide triangles place it on a
+/// lattice. The ray is then more precise along the triangle, but not across it. `reach` is that of
+/// the triangle, and `point` the point of these weights. theory.md (33b)
+#[inline(always)] // part of the loop over vertices
+pub(super) fn refined(
+    (point, normal, reach): (Vec3, Vec3, f32),
+    [origin, direction]: [Vec3; 2],
+    t: f32,
+) -> Vec3 {
+    let on_ray = origin + t * direction;
+    let is_coarse = reach > COARSE * (origin.abs().max_element() + t);
+    if is_coarse { on_ray + normal.dot(point - on_ray) * normal } else { point }
+}
 
 /// Shading data of a triangle's corners: one cache line.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -85,7 +104,7 @@ impl Triangle {
         let [a, b, c] = corners;
         let (edge1, edge2) = (b - a, c - a);
         let normal = long_normal(corners).normalize_or_zero().as_vec3();
-        let offset = Self::offset(Self::largest(corners).max_element());
+        let offset = Self::offset(normal, Self::largest(corners));
         let area = triangle_area(corners);
         let corners = Self::FLAT;
         Self { origin: a, edge1, edge2, normal, offset, material, area, corners }
@@ -96,18 +115,23 @@ impl Triangle {
         a.abs().max(b.abs()).max(c.abs())
     }
 
-    /// An interpolated point is off its plane by a few units in the last place of the largest
-    /// vertex coordinate.
-    pub(super) fn offset(largest: f32) -> f32 {
-        largest * (32.0 * f32::EPSILON) + f32::MIN_POSITIVE
+    /// Distance off a plane with this unit normal at which rays start, if no coordinate of its
+    /// points exceeds `largest`: a bound of the distance by which rounding moves a point off the
+    /// plane. Each coordinate has an error of its own, of which only the part along the normal
+    /// matters: a ground at a height of zero has none, whatever its size. theory.md (33b)
+    pub(super) fn offset(normal: Vec3, largest: Vec3) -> f32 {
+        let most = largest.max_element();
+        let off_plane = OFF_PLANE * normal.abs().dot(largest).min(most);
+        // For planes through the origin of an axis: products with the area of a triangle that large
+        // must stay normal numbers.
+        off_plane + most * (OFF_PLANE * f32::EPSILON) + f32::MIN_POSITIVE
     }
 
-    /// Distance off a plane with this unit normal at which rays from one of its points start: each
-    /// coordinate has a rounding error of its own, of which only the part along the normal matters.
-    /// theory.md (33b)
-    pub(super) fn point_offset(normal: Vec3, point: Vec3) -> f32 {
-        let off_plane = normal.abs().dot(point.abs()) * (32.0 * f32::EPSILON);
-        off_plane + point.abs().max_element() * LEAST_OFFSET + f32::MIN_POSITIVE
+    /// A bound of the terms that [`Self::point`] adds, hence of its rounding errors.
+    #[inline(always)] // part of the loop over vertices
+    pub(super) fn reach(&self) -> f32 {
+        let Self { origin, edge1, edge2, .. } = *self;
+        (origin.abs() + edge1.abs() + edge2.abs()).max_element()
     }
 
     /// The triangle whose front is the back of this one.

@@ -43,7 +43,7 @@ pub struct AuditedRegion {
     /// Place and size of the difference.
     #[serde(flatten)]
     pub region: DifferentRegion,
-    /// Objects that are seen there, the largest part first.
+    /// Objects that are seen there, that with the largest relative difference first.
     pub objects: Vec<String>,
     /// Their materials.
     pub materials: Vec<String>,
@@ -265,7 +265,9 @@ pub(crate) fn named_regions(
     regions.into_iter().map(|region| named(region, map, scene, accel, settings)).collect()
 }
 
-/// Names what is seen in a region: the objects and materials of at least a fifth of its difference.
+/// Names what is seen in a region: the objects and materials of at least a fifth of its difference,
+/// those with the largest relative difference first. A surface that is too bright also brightens
+/// what it lights, but by less of its luminance.
 fn named(
     region: DifferentRegion,
     map: &TileMap,
@@ -279,6 +281,7 @@ fn named(
     for tile in &region.tiles {
         let (column, row) = (*tile as u32 % map.width, *tile as u32 / map.width);
         let size = f64::from(map.differences[*tile].abs());
+        let luminance = f64::from(map.luminances[*tile]);
         for point in 0..POINTS * POINTS {
             let at = |tile: u32, part: u32| {
                 map.side as f32 * (tile as f32 + (part as f32 + 0.5) / POINTS as f32)
@@ -290,16 +293,21 @@ fn named(
                 continue;
             }
             let placement = &scene.placements()[hit.mesh as usize];
-            *objects.entry(scene.mesh(placement).name.clone()).or_insert(0.0) += size;
             let material = &scene.materials()[placement.material as usize];
-            *materials.entry(material.name.clone()).or_insert(0.0) += size;
+            for (names, name) in
+                [(&mut objects, &scene.mesh(placement).name), (&mut materials, &material.name)]
+            {
+                let sums: &mut [f64; 2] = names.entry(name.clone()).or_default();
+                *sums = [sums[0] + size, sums[1] + luminance];
+            }
             all += size;
         }
     }
-    let most = |sizes: BTreeMap<String, f64>| {
-        let mut sizes: Vec<_> = sizes.into_iter().filter(|(_, own)| *own > 0.2 * all).collect();
-        sizes.sort_by(|one, other| other.1.total_cmp(&one.1));
-        sizes.into_iter().map(|(name, _)| name).filter(|name| !name.is_empty()).collect()
+    let most = |sums: BTreeMap<String, [f64; 2]>| {
+        let mut sums: Vec<_> = sums.into_iter().filter(|(_, own)| own[0] > 0.2 * all).collect();
+        let share = |[size, luminance]: [f64; 2]| size / luminance.max(1e-30);
+        sums.sort_by(|one, other| share(other.1).total_cmp(&share(one.1)));
+        sums.into_iter().map(|(name, _)| name).filter(|name| !name.is_empty()).collect()
     };
     AuditedRegion { region, objects: most(objects), materials: most(materials) }
 }

@@ -148,6 +148,9 @@ impl RenderJob {
         if let Some(warning) = near_layers::warning(scene, &**accel, &provenance.settings) {
             let _ = observer(Event::Warning(warning));
         }
+        for pair in scene.near_faces(&**accel) {
+            let _ = observer(Event::Warning(pair.describe()));
+        }
         Ok(renderer)
     }
 

@@ -42,6 +42,8 @@ pub struct RenderResult {
     pub merge_bias: Option<BiasOverNoise>,
     /// Light that the scene may have and the image has not seen: its error has no upper bound.
     pub unseen_light: Option<CausticLight>,
+    /// Light whose beam merges in media blur: the error of the image has no upper bound.
+    pub narrow_beam: Option<String>,
     /// Comparison of the image with its audit, if it was audited.
     pub audit: Option<AuditReport>,
     /// Path counts, number and weight of all iterations. A job with this plan and seed renders the
@@ -135,6 +137,7 @@ impl RenderResult {
             rms,
             merge_bias,
             unseen_light: state.unseen_light(),
+            narrow_beam: state.narrow_beam(),
             audit,
             plan,
             stopped_by,
@@ -238,7 +241,7 @@ fn denoised_report(state: &RenderState, convergence: &Convergence) -> Option<Den
         None => SquaredPart::default(),
     };
     let report = denoising.report(bias);
-    Some(DenoisedReport { interval: state.with_unseen_light(report.interval), ..report })
+    Some(DenoisedReport { interval: state.open_if_unknown(report.interval), ..report })
 }
 
 fn relative_error(state: &RenderState, convergence: &Convergence) -> Option<RelativeError> {

@@ -19,6 +19,7 @@ use bdpm_core::render::Renderer;
 use bdpm_core::render::block::{Block, CombinedImage};
 use bdpm_core::render::combined_image::DerivedStatistics;
 use bdpm_core::render::findable_light::CausticLight;
+use bdpm_core::render::narrow_beam::narrow_beam;
 use bdpm_core::scene::{Camera, Region};
 use bdpm_core::settings::Direct;
 use bdpm_core::settings::provenance::Provenance;
@@ -142,20 +143,21 @@ impl RenderState {
         CausticLight::of(self.renderer.scene_and_accel().0)
     }
 
-    /// An interval of the error of the image, open above if the image may lack light.
-    pub(super) fn with_unseen_light(
-        &self,
-        interval: Option<ErrorInterval>,
-    ) -> Option<ErrorInterval> {
-        match self.unseen_light() {
-            Some(_) => interval.map(ErrorInterval::open_above),
-            None => interval,
-        }
+    /// A light whose beam merges in media blur; `None` without one.
+    pub fn narrow_beam(&self) -> Option<String> {
+        narrow_beam(self.renderer.scene_and_accel().0, self.renderer.settings())
+    }
+
+    /// An interval of the error of the image, open above if the image may lack light, or blurs
+    /// beams.
+    pub(super) fn open_if_unknown(&self, interval: Option<ErrorInterval>) -> Option<ErrorInterval> {
+        let is_open = self.unseen_light().is_some() || self.narrow_beam().is_some();
+        if is_open { interval.map(ErrorInterval::open_above) } else { interval }
     }
 
     /// Interval for the error of the image so far; `None` while it is not known.
     pub fn error_interval(&self, convergence: &Convergence) -> Option<ErrorInterval> {
-        self.with_unseen_light(convergence.error_interval(&self.stop, 1.0))
+        self.open_if_unknown(convergence.error_interval(&self.stop, 1.0))
     }
 
     /// The image so far: all blocks with their weights.

@@ -1,4 +1,6 @@
 use super::*;
+use crate::job::named_regions;
+use bdpm_core::noise::difference::{DifferentRegion, TileMap};
 use bdpm_core::render::Renderer;
 use bdpm_core::settings::Bias;
 use bdpm_load::load;
@@ -68,6 +70,35 @@ fn right_images_are_hardly_ever_called_wrong() {
         let wrong = wrong.count();
         assert!(wrong <= 6, "{count}: {wrong} of {runs}");
     }
+}
+
+/// A floor that is too bright brightens the ceiling, too. More of the difference may be there, but
+/// less of its own light.
+#[test]
+fn surfaces_with_the_largest_relative_difference_are_named_first() {
+    let loaded = loaded();
+    let accel = backend::build(Backend::Bvh, &loaded.scene).unwrap();
+    let (width, height) = SIZE;
+    let given = PartialSettings { resolution: Some([width, height]), ..PartialSettings::default() };
+    let settings = Settings::resolve(&given, &loaded.defaults, loaded.scene.size()).unwrap();
+    // The ceiling above, beside the lamp; the floor and what stands on it below.
+    let tile = |row: usize| if row == 0 { (0.3, 3.0) } else { (0.05, 0.2) };
+    let (columns, rows) = (8, 6);
+    let all: Vec<_> = (0..columns * rows).map(|index| tile(index / columns)).collect();
+    let map = TileMap {
+        side: 8,
+        width: columns as u32,
+        height: rows as u32,
+        scores: vec![9.0; all.len()],
+        differences: all.iter().map(|(difference, _)| *difference).collect(),
+        luminances: all.iter().map(|(_, luminance)| *luminance).collect(),
+    };
+    let tiles = [2, 34, 35, 42, 43].to_vec();
+    let region = DifferentRegion { pixels: [16, 0, 32, 48], ratio: 1.1, tiles };
+    let place = (&*loaded.scene, &*accel, &settings);
+    let named = named_regions(vec![region], &map, place);
+    let objects = &named[0].objects;
+    assert!(objects.len() > 1 && objects.last().unwrap() == "ceiling", "{named:?}");
 }
 
 #[test]

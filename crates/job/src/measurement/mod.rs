@@ -180,12 +180,13 @@ impl MeasureJob {
             .filter(|kind| self.sets.iter().any(|set| set.kind == *kind))
             .collect();
         let jobs = (groups.len() * kinds.len()) as u32;
+        let near = self.loaded.scene.near_faces(&*accel).into_iter().map(|pair| pair.describe());
         let mut measurement = Measurement {
             sets: self.sets.iter().map(|set| empty_readings(set, &self.loaded.scene)).collect(),
             reached: true,
             time: Duration::ZERO,
             techniques: Vec::new(),
-            warnings: lost_light(&self.loaded.scene).into_iter().collect(),
+            warnings: lost_light(&self.loaded.scene).into_iter().chain(near).collect(),
         };
         for (number, (name, scene)) in (0..).zip(&groups) {
             for (kind_number, kind) in (0..).zip(&kinds) {

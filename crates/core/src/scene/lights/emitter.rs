@@ -2,10 +2,11 @@
 //! them.
 
 use super::cluster::Cluster;
+use super::enclosure::Enclosure;
 use super::luminaire::{OpeningEmitter, PointLuminaire};
 use super::solid_angle::SphericalTriangle;
 pub use super::spot::{Falloff, Spot};
-use super::{Emission, LightSample, below_one, distant_numbers, distant_origin};
+use super::{Emission, LightSample, below_one};
 use crate::base::math::{
     Bounds, Rgb, cosine_hemisphere, cosine_hemisphere_inverse, luminance, uniform_sphere,
     uniform_sphere_inverse, uniform_triangle, uniform_triangle_inverse,
@@ -55,38 +56,29 @@ pub struct Directional {
     pub direction: Vec3,
     /// Irradiance of surfaces that face the light, W/m^2.
     pub irradiance: Rgb,
-    /// Center of a sphere around the scene; [`Scene::new`](crate::Scene::new) sets it.
+    /// The space around the scene; [`Scene::new`](crate::Scene::new) sets it.
     #[serde(skip)]
-    pub center: Vec3,
-    /// Radius of that sphere, scene units.
-    #[serde(skip)]
-    pub radius: f32,
+    pub enclosure: Enclosure,
 }
 
 impl Directional {
     /// Light along `direction` (a unit vector), for a scene that is built later.
     pub fn new(direction: Vec3, irradiance: Rgb) -> Self {
-        Self { direction, irradiance, center: Vec3::ZERO, radius: 0.0 }
-    }
-
-    /// Area of the disc that contains all light that can meet the scene, scene units squared.
-    fn area(&self) -> f32 {
-        PI * self.radius * self.radius
+        Self { direction, irradiance, enclosure: Enclosure::default() }
     }
 
     fn emit(&self, prob: f32, across: [f64; 2]) -> Emission {
         Emission {
-            origin: distant_origin(self.center, self.radius, -self.direction, across),
+            origin: self.enclosure.start(-self.direction, across),
             direction: self.direction,
-            flux: self.irradiance * (self.area() / prob),
+            flux: self.irradiance * (self.enclosure.disc() / prob),
         }
     }
 
     fn connect(&self, position: Vec3, prob: f32) -> LightSample {
-        // The target is on the disc where its light paths start.
-        let along = (position - self.center).dot(self.direction) + self.radius;
-        let target = position - along.max(self.radius) * self.direction;
-        LightSample::of_delta(target, -self.direction, self.irradiance / prob)
+        let toward = -self.direction;
+        let target = position + self.enclosure.exit(position, toward) * toward;
+        LightSample::of_delta(target, toward, self.irradiance / prob)
     }
 }
 
@@ -173,7 +165,7 @@ impl Emitter {
         match self {
             Self::Point { intensity, .. } => 4.0 * PI * *intensity,
             Self::Spot(spot) => spot.solid_angle() * spot.intensity,
-            Self::Directional(light) => light.area() * light.irradiance,
+            Self::Directional(light) => light.enclosure.disc() * light.irradiance,
             Self::Triangle { shape, radiance } => PI * shape.area() * *radiance,
             Self::Textured(panel) => PI * panel.shape.area() * panel.mean(),
             Self::Luminaire(lamp) => lamp.aimed.power(),
@@ -262,8 +254,7 @@ impl Emitter {
             Self::Point { .. } => two(uniform_sphere_inverse(direction)),
             Self::Spot(spot) => two(spot.emission_numbers(direction)),
             Self::Directional(light) => {
-                let toward = -light.direction;
-                let [a, b] = distant_numbers(light.center, light.radius, toward, origin);
+                let [a, b] = light.enclosure.numbers(-light.direction, origin);
                 [Some(a), Some(b), None, None]
             }
             Self::Triangle { shape, .. } => four(shape),

@@ -3,8 +3,9 @@
 mod latitudes;
 mod sample;
 
+use super::Emission;
 use super::cutpoints::{Cutpoints, Outcome, UNITS, interval_ends};
-use super::{Emission, distant_numbers, distant_origin};
+use super::enclosure::Enclosure;
 use crate::base::math::{Bounds, Rgb, luminance};
 use glam::{DVec3, Vec3};
 use sample::EnvironmentSample;
@@ -33,9 +34,8 @@ pub struct Environment {
     turn: f32,
     /// Integral of the radiance over all directions, W/m^2.
     integral: Rgb,
-    /// Center and radius of a sphere around the scene.
-    center: Vec3,
-    radius: f32,
+    /// The space around the scene.
+    enclosure: Enclosure,
 }
 
 /// A finer map in place of a rectangle of pixels, such as the sun in a sky.
@@ -183,8 +183,7 @@ impl Environment {
             inset_cutpoints: Cutpoints::new(inset_width as usize),
             turn: turn_deg / 360.0,
             integral: Rgb::ZERO,
-            center: Vec3::ZERO,
-            radius: 0.0,
+            enclosure: Enclosure::default(),
         };
         let finer = inset.map_or(Vec::new(), |inset| inset.radiance);
         let rows = radiance.chunks_exact(width as usize);
@@ -227,8 +226,7 @@ impl Environment {
 
     /// Sets the sphere to one around `bounds`.
     pub(in crate::scene) fn enclose(&mut self, bounds: &Bounds) {
-        self.center = bounds.center();
-        self.radius = bounds.enclosing_radius();
+        self.enclosure = Enclosure::new(bounds);
     }
 
     /// Returns true if it emits no light.
@@ -288,7 +286,7 @@ impl Environment {
     }
 
     fn disc(&self) -> f32 {
-        PI * self.radius * self.radius
+        self.enclosure.disc()
     }
 
     /// Angle between +y and the position `down` in a row, from 0 at its upper edge to 1, radians.
@@ -417,7 +415,7 @@ impl Environment {
     /// `prob`.
     pub(super) fn emit(&self, prob: f32, [a, b, c, d]: [f64; 4]) -> Emission {
         let EnvironmentSample { direction: toward, irradiance, .. } = self.sample([a, b]);
-        let origin = distant_origin(self.center, self.radius, toward, [c, d]);
+        let origin = self.enclosure.start(toward, [c, d]);
         Emission { origin, direction: -toward, flux: irradiance * (self.disc() / prob) }
     }
 
@@ -425,7 +423,7 @@ impl Environment {
     pub(super) fn emission_numbers(&self, point: Vec3, direction: Vec3) -> [f64; 4] {
         let toward = -direction;
         let [a, b] = self.numbers_at(&self.locate(toward), toward);
-        let [c, d] = distant_numbers(self.center, self.radius, toward, point);
+        let [c, d] = self.enclosure.numbers(toward, point);
         [a, b, c, d]
     }
 }

@@ -7,6 +7,7 @@ mod cluster;
 mod connect;
 mod cutpoints;
 pub mod emitter;
+pub mod enclosure;
 pub mod environment;
 pub mod guide;
 pub mod horizon;
@@ -21,7 +22,7 @@ pub(crate) mod textured_emitter;
 mod tree;
 pub mod visibility;
 
-use crate::base::math::{Rgb, luminance, uniform_disc_inverse, uniform_wide_disc};
+use crate::base::math::{Rgb, luminance};
 use crate::base::rng::Rng;
 use connect::ChosenLight;
 pub use connect::ConnectedLight;
@@ -53,23 +54,6 @@ pub type PrimarySample = [f64; 5];
 /// Independent numbers for a start.
 pub fn primary_sample(rng: &mut Rng) -> PrimarySample {
     [(); 5].map(|()| rng.next_f64())
-}
-
-/// Start of a light path from far away: a point of the disc around the scene that faces it. Single
-/// precision would place paths on a lattice that small objects on a large ground fall through.
-fn distant_origin(center: Vec3, radius: f32, toward: Vec3, numbers: [f64; 2]) -> Vec3 {
-    let [u, v] = uniform_wide_disc(numbers);
-    let (right, up) = toward.any_orthonormal_pair();
-    let [right, up, toward] = [right, up, toward].map(|axis| axis.as_dvec3());
-    let across = u * right + v * up + toward;
-    (center.as_dvec3() + f64::from(radius) * across).as_vec3()
-}
-
-/// Inverse of [`distant_origin`]: the numbers that give the ray through `point`.
-fn distant_numbers(center: Vec3, radius: f32, toward: Vec3, point: Vec3) -> [f64; 2] {
-    let (right, up) = toward.any_orthonormal_pair();
-    let across = (point.as_dvec3() - center.as_dvec3()) / f64::from(radius);
-    uniform_disc_inverse([right, up].map(|axis| axis.as_dvec3().dot(across)))
 }
 
 /// A number of [0, 1) in single precision, still less than 1.

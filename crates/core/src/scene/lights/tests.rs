@@ -1,6 +1,7 @@
 //! The choice of lights, their densities and power.
 
 use super::*;
+use crate::base::math::Bounds;
 use crate::base::rng::{Stream, StreamKey};
 use crate::scene::Triangle;
 use crate::scene::bsdf::Bsdf;
@@ -70,7 +71,10 @@ fn all_kinds() -> Lights {
         falloff: emitter::Falloff::Quadratic,
     };
     let sun = emitter::Directional {
-        radius: 8.0,
+        enclosure: enclosure::Enclosure::new(&Bounds {
+            min: Vec3::splat(-4.6),
+            max: Vec3::splat(4.6),
+        }),
         ..emitter::Directional::new(Vec3::new(0.0, 0.6, -0.8), Rgb::new(1.0, 0.5, 0.2))
     };
     let texels = (0..64).map(|i| [4 * i, 255 - 3 * i, 40 + i, 255]).collect();

@@ -32,7 +32,7 @@ pub(super) struct CoatedSegments {
     hits: CoatedHits,
 }
 
-impl Columns<20> for CoatedSegments {
+impl Columns<21> for CoatedSegments {
     const T_FAR: f32 = f32::INFINITY;
 }
 
@@ -94,9 +94,9 @@ impl CameraPaths {
         lanes: u32,
     ) -> u32 {
         let queued = pass.scene.plain_placements(hits, lanes);
-        let HitPacket { mesh, triangle, u, v, .. } = *hits;
+        let HitPacket { mesh, triangle, u, v, t } = *hits;
         let segments =
-            CoatedSegments { states: *states, hits: CoatedHits { mesh, triangle, u, v } };
+            CoatedSegments { states: *states, hits: CoatedHits { mesh, triangle, u, v, t } };
         let mut kept = Mask::default();
         for (lane, kept) in kept.iter_mut().enumerate() {
             *kept = queued >> lane & 1 == 1;
@@ -116,8 +116,8 @@ impl CameraPaths {
         for packet in 0..self.coated.len().div_ceil(LANES) {
             let count = self.coated.load(packet, &mut segments);
             let CoatedSegments { states, hits } = &mut segments;
-            let directions = &states.direction;
-            pass.scene.coated_vertices(simd, directions, hits, count, &mut seen, &mut at);
+            let rays = [&states.origin, &states.direction];
+            pass.scene.coated_vertices(simd, rays, hits, count, &mut seen, &mut at);
             if self.records_aovs {
                 self.record_coated(pass, &at, states);
             }

@@ -67,9 +67,11 @@ impl CameraPaths {
 /// time. The light would be connected through the hole, and arrive as photons through the glass.
 fn beside(pass: &CameraPass, meter: &Meter, light: &ConnectedLight, numbers: [f32; 2]) -> Vec3 {
     let at = meter.position;
+    // The targets of parallel light are at the box around the scene, which may be flat.
+    let near = BESIDE * light.sample.target.distance(at);
     let reach = match light.is_parallel {
-        true => BESIDE_PARALLEL * pass.scene.size(),
-        false => BESIDE * light.sample.target.distance(at),
+        true => near.min(BESIDE_PARALLEL * pass.scene.size()),
+        false => near,
     };
     let reach = reach.max(4.0 * f32::EPSILON * at.abs().max_element());
     let [x, y] = uniform_disc(numbers);

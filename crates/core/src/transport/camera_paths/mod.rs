@@ -101,7 +101,7 @@ pub struct CameraPaths {
     next: PathQueue<PathStates, 16>,
     hits: Vec<HitPacket>,
     /// Hits of diffuse bases with or without a coat, which wait until all are found.
-    coated: PathQueue<CoatedSegments, 20>,
+    coated: PathQueue<CoatedSegments, 21>,
     shadow_rays: PathQueue<Connections, 10>,
     /// Paths with the light that meters receive through panes.
     pane_light: Vec<(u32, Rgb)>,
@@ -302,8 +302,14 @@ impl CameraPaths {
             if let Some(media) = pass.scene.media() {
                 passed = self.travel(pass, media, &mut states, hits, count);
             }
-            let mut rest =
-                pass.scene.lambertian(simd, &states.direction, hits, count, &mut seen, &mut at);
+            let mut rest = pass.scene.lambertian(
+                simd,
+                [&states.origin, &states.direction],
+                hits,
+                count,
+                &mut seen,
+                &mut at,
+            );
             rest.missed &= !passed;
             if rest.missed != 0 && pass.scene.lights().has_environment() {
                 self.add_environment(pass, &states, rest.missed);

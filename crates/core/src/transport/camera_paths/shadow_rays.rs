@@ -14,12 +14,12 @@ use glam::Vec3;
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(super) struct Connections {
-    /// Points on light sources.
+    /// Points on light sources, or the vertices of [`Connections::FROM_VERTEX`].
     pub origin: Vec3s,
-    /// Vectors to the vertices.
+    /// Vectors to the vertices, or from them.
     pub direction: Vec3s,
-    /// Paths with the media around their vertices, and [`Connections::CAUSTIC`] or
-    /// [`Connections::METER`].
+    /// Paths with the media around their vertices, and [`Connections::CAUSTIC`],
+    /// [`Connections::METER`] or [`Connections::FROM_VERTEX`].
     pub path: [u32; LANES],
     pub contribution: Vec3s,
 }
@@ -30,14 +30,33 @@ impl Connections {
     pub const CAUSTIC: u32 = 1 << 31;
     /// Marks connections from meters.
     pub const METER: u32 = 1 << 30;
-    /// Start of the media. Below it there is room for 2^24 paths; batches have less than 2^17.
+    /// Start of the media.
     const MEDIA_AT: u32 = 24;
-    const PATH: u32 = (1 << Self::MEDIA_AT) - 1;
+    /// Marks shadow rays from vertices to light sources. Below it there is room for 2^23 paths;
+    /// batches have less than 2^17.
+    const FROM_VERTEX: u32 = 1 << 23;
+    const PATH: u32 = Self::FROM_VERTEX - 1;
+    /// Distance of light sources from the origin over that of vertices, from which on shadow rays
+    /// start at the vertices. Rays end where the rounding errors of their start let them. At this
+    /// factor they are 6e-5 of the coordinates of the vertex.
+    const FAR: f32 = 16.0;
 
     /// The path of a vertex in these media.
     #[inline(always)] // part of a vector loop
     pub fn path_in(path: u32, media: MediumState) -> u32 {
         path | u32::from(media.0) << Self::MEDIA_AT
+    }
+
+    /// Sets the ray of a lane between a light source and a vertex. From the light source, shadow
+    /// rays to one point of it share their origin. To a light source that is far away, they start
+    /// at the vertex: single precision rounds the end of a ray as its start.
+    #[inline(always)] // part of a vector loop
+    fn set_ray(&mut self, lane: usize, target: Vec3, vertex: Vec3) {
+        let is_far = target.length_squared() > Self::FAR * Self::FAR * vertex.length_squared();
+        let to_vertex = vertex - target;
+        self.origin.set(lane, if is_far { vertex } else { target });
+        self.direction.set(lane, to_vertex * if is_far { -1.0 } else { 1.0 });
+        self.path[lane] |= if is_far { Self::FROM_VERTEX } else { 0 };
     }
 
     /// The media of [`Self::path_in`].
@@ -47,9 +66,8 @@ impl Connections {
 }
 
 impl Columns<10> for Connections {
-    /// Shadow rays end a few rounding errors before the vertices. They may start far outside of the
-    /// scene, where coordinates have larger rounding errors than at the vertices: rays that end at
-    /// a vertex may meet its surface.
+    /// Shadow rays end a few rounding errors before their end points: rays that end at a vertex may
+    /// meet its surface.
     const T_FAR: f32 = 1.0 - 32.0 * f32::EPSILON;
 }
 
@@ -65,18 +83,13 @@ impl CameraPaths {
         path: &[u32; LANES],
         contribution: &Vec3s,
     ) {
-        let (mut sent, mut direction) = (*active, Vec3s::default());
+        let (mut sent, contribution) = (*active, *contribution);
+        let mut connections = Connections { path: *path, contribution, ..Connections::default() };
         for (lane, sent) in sent.iter_mut().enumerate() {
             *sent &= contribution.get(lane) != Rgb::ZERO;
-            direction.set(lane, off_surface.get(lane) - target.get(lane));
+            connections.set_ray(lane, target.get(lane), off_surface.get(lane));
         }
-        // From the light source, so that shadow rays to one point of it share their origin.
-        let (origin, path, contribution) = (*target, *path, *contribution);
-        self.shadow_rays.append(
-            simd,
-            &sent,
-            &Connections { origin, direction, path, contribution },
-        );
+        self.shadow_rays.append(simd, &sent, &connections);
     }
 
     /// Adds the contributions of all connections that nothing blocks.
@@ -101,8 +114,12 @@ impl CameraPaths {
                 if let Some(media) = media
                     && visible != Rgb::ZERO
                 {
-                    let target = connections.origin.get(lane);
-                    let segment = [target + connections.direction.get(lane), target];
+                    let origin = connections.origin.get(lane);
+                    let end = origin + connections.direction.get(lane);
+                    let segment = match path & Connections::FROM_VERTEX {
+                        0 => [end, origin],
+                        _ => [origin, end],
+                    };
                     let media_at = Connections::media(path);
                     visible *= media.transmittance(pass.scene, accel, media_at, segment);
                 }
@@ -137,11 +154,12 @@ impl CameraPaths {
         if contribution == Rgb::ZERO {
             return;
         }
-        self.shadow_rays.push(&Connections {
-            origin: Vec3s::splat(target),
-            direction: Vec3s::splat(off_surface - target),
+        let mut connections = Connections {
             path: [path; LANES],
             contribution: Vec3s::splat(contribution),
-        });
+            ..Connections::default()
+        };
+        connections.set_ray(0, target, off_surface);
+        self.shadow_rays.push(&connections);
     }
 }

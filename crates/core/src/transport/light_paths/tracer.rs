@@ -136,7 +136,14 @@ impl Tracer {
                     passed.map(|passed| self.pass(pass, *state, passed)).is_none()
                 });
             }
-            let rest = scene.lambertian(simd, &states.direction, hits, count, &mut seen, &mut at);
+            let rest = scene.lambertian(
+                simd,
+                [&states.origin, &states.direction],
+                hits,
+                count,
+                &mut seen,
+                &mut at,
+            );
             if rest.others != 0 {
                 scene.read_ahead(hits, rest.others);
             }

@@ -1,6 +1,7 @@
 //! Emission of spots and parallel light.
 
 use super::*;
+use crate::base::math::Bounds;
 use crate::base::rng::{Stream, StreamKey};
 use std::f64::consts::TAU;
 
@@ -130,11 +131,13 @@ fn light_paths_of_a_narrow_spot_are_on_no_rings() {
 
 #[test]
 fn parallel_light_has_uniform_irradiance_in_the_sphere() {
+    let center = Vec3::new(3.0, 0.0, 1.0);
+    let bounds = Bounds { min: center - 1.0, max: center + 1.0 };
     let light = Directional {
-        center: Vec3::new(3.0, 0.0, 1.0),
-        radius: 2.0,
+        enclosure: Enclosure::new(&bounds),
         ..Directional::new(Vec3::new(0.6, 0.0, -0.8), Rgb::splat(5.0))
     };
+    let radius = light.enclosure.radius();
     let emitter = Emitter::Directional(light);
     let mut rng = StreamKey::new(6, Stream::Test, 0).rng(0);
     let n = 200_000;
@@ -143,25 +146,27 @@ fn parallel_light_has_uniform_irradiance_in_the_sphere() {
         let Emission { origin, direction, flux } =
             emitter.emit(1.0, [(); 4].map(|()| rng.next_f64()));
         assert_eq!(direction, light.direction);
-        let from_center = origin - light.center;
+        let from_center = origin - center;
         let axis = from_center - from_center.dot(direction) * direction;
-        assert!(axis.length() <= 2.0 + 1e-5);
-        assert!((from_center.dot(direction) + 2.0).abs() < 1e-5, "outside of the sphere");
+        assert!(axis.length() <= radius + 1e-5);
+        assert!(from_center.abs().max_element() > 1.0, "outside of the surfaces");
         if axis.length() < 1.0 {
             inner += 1.0;
             flux_sum += f64::from(flux.x) / f64::from(n);
         }
     }
-    let error = (0.25 * 0.75 / f64::from(n)).sqrt();
-    assert!((inner / f64::from(n) - 0.25).abs() < 4.0 * error, "{inner}");
+    let share = f64::from(radius).powi(-2);
+    let error = (share * (1.0 - share) / f64::from(n)).sqrt();
+    assert!((inner / f64::from(n) - share).abs() < 4.0 * error, "{inner}");
     // Flux through a unit disc: irradiance times its area.
     let expected = 5.0 * std::f64::consts::PI;
-    assert!((flux_sum / expected - 1.0).abs() < 4.0 * error / 0.25, "{flux_sum}");
-    // Connections from in front of, inside and behind the sphere start outside of it.
-    for position in [-5.0f32, 0.0, 5.0].map(|t| light.center + t * light.direction) {
+    assert!((flux_sum / expected - 1.0).abs() < 4.0 * error / share, "{flux_sum}");
+    // Connections from in front of, inside and behind the surfaces start before all of them.
+    for position in [-5.0f32, 0.0, 5.0].map(|t| center + t * light.direction) {
         let sample = emitter.connect(position, 0.5, &mut rng).unwrap();
         assert_eq!((sample.wi, sample.irradiance), (-light.direction, Rgb::splat(10.0)));
-        let ahead = (sample.target - light.center).dot(light.direction);
-        assert!(ahead <= -2.0 + 1e-5 && (sample.target - position).dot(sample.wi) > 1.9);
+        let from_center = sample.target - center;
+        assert!(from_center.abs().max_element() > 1.0 && from_center.dot(light.direction) < 0.0);
+        assert!((sample.target - position).dot(sample.wi) > 0.0);
     }
 }

@@ -120,10 +120,9 @@ impl Environment {
         self.sample_each(numbers, &mut drawn);
         for (i, sample) in samples.iter_mut().enumerate() {
             let EnvironmentSample { direction: wi, irradiance, inverse_pdf_w } = drawn[i];
-            // Outside the sphere around the scene, for any position in it.
-            let distance = 2.0 * self.radius + (receivers[i].position - self.center).length();
+            let position = receivers[i].position;
             *sample = LightSample {
-                target: receivers[i].position + distance * wi,
+                target: position + self.enclosure.exit(position, wi) * wi,
                 wi,
                 irradiance: irradiance / probs[i],
                 relative: 1.0,

@@ -5,6 +5,9 @@ use crate::base::rng::{Stream, StreamKey};
 use crate::scene::lights::{LightSample, Receiver};
 
 /// An environment of very different pixels.
+/// Largest corner of the box around the scene; the other is the origin.
+const BOX: Vec3 = Vec3::new(2.0, 1.0, 3.0);
+
 fn environment(turn_deg: f32) -> Environment {
     let (width, height) = (12, 7);
     let pixel = |i: u32| {
@@ -12,7 +15,7 @@ fn environment(turn_deg: f32) -> Environment {
         Rgb::new(x, x * x, 0.3) * if i == 40 { 50.0 } else { 1.0 }
     };
     let mut map = Environment::new(width, height, (0..84).map(pixel).collect(), turn_deg);
-    map.enclose(&Bounds { min: Vec3::ZERO, max: Vec3::new(2.0, 1.0, 3.0) });
+    map.enclose(&Bounds { min: Vec3::ZERO, max: BOX });
     map
 }
 
@@ -26,7 +29,7 @@ fn with_inset(turn_deg: f32) -> Environment {
     let inset = Inset { grid, radiance: (0..72).map(pixel).collect() };
     let pixels = map.pixels().collect();
     let mut map = Environment::with_inset(12, 7, pixels, turn_deg, Some(inset));
-    map.enclose(&Bounds { min: Vec3::ZERO, max: Vec3::new(2.0, 1.0, 3.0) });
+    map.enclose(&Bounds { min: Vec3::ZERO, max: BOX });
     map
 }
 
@@ -236,10 +239,9 @@ fn light_paths_carry_the_power_through_the_sphere() {
         let Emission { origin, direction, flux } = map.emit(0.25, [(); 4].map(|()| rng.next_f64()));
         let share = 0.25 * luminance(flux) / luminance(map.power());
         assert!((share - 1.0).abs() < 1e-3, "{share}");
-        let from_center = origin - map.center;
-        assert!((from_center.dot(direction) + map.radius).abs() < 1e-4);
+        let from_center = origin - map.enclosure.center();
         let axis = from_center - from_center.dot(direction) * direction;
-        assert!(axis.length() <= map.radius * 1.0001);
+        assert!(axis.length() <= map.enclosure.radius() * 1.0001);
         let numbers = Environment::connection_numbers(None, &mut rng);
         let mut samples = [LightSample::default()];
         map.connect_each(
@@ -249,7 +251,11 @@ fn light_paths_carry_the_power_through_the_sphere() {
             &mut samples,
         );
         let [sample] = samples;
-        assert!((sample.target - map.center).length() > map.radius);
+        // Both start outside of the surfaces.
+        for start in [origin, sample.target] {
+            let is_inside = start.cmpge(Vec3::ZERO).all() && start.cmple(BOX).all();
+            assert!(!is_inside, "{start}");
+        }
     }
 }
 
