@@ -5,7 +5,10 @@ use crate::common::*;
 use bdpm::film::radiance::luminance;
 use bdpm::noise::Measure;
 use bdpm::scene::Material;
-use bdpm::scene::bsdf::{Bsdf, FacetModel, Facets, Plastic};
+use bdpm::scene::bsdf::{
+    Bsdf, DiffuseTransmission, FacetModel, Facets, Glossy, Plastic, Principled,
+    PrincipledParameters,
+};
 use bdpm::settings::{Bias, Strategy};
 use bdpm::transport::photon::PhotonClass;
 use bdpm::{Renderer, Scene, Settings};
@@ -19,25 +22,51 @@ fn gathering(side: u32) -> Settings {
     Settings { camera_paths: 8, radius: 0.1, ..own }
 }
 
-/// A box whose walls have a coat over a colored base.
-fn coated_box(alpha: f32) -> Arc<Scene> {
+/// A box whose walls are of this kind, and of gray.
+fn box_of(bsdf: Bsdf) -> Arc<Scene> {
     let mut meshes = Vec::new();
     for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
         meshes.push(square(axis, -axis, 1.0, 0));
         meshes.push(square(-axis, axis, 1.0, 1));
     }
     meshes.push(square(Vec3::new(0.0, 0.0, 0.95), -Vec3::Z, 0.3, 2));
-    let facets = Facets { model: FacetModel::Ggx, alpha };
-    let plastic = Plastic::new(Vec3::new(0.8, 0.5, 0.2), 1.5, facets, true);
-    let coated = Material { bsdf: Bsdf::Plastic(plastic), ..gray(0.5, 0.0) };
+    let own = Material { bsdf, ..gray(0.5, 0.0) };
     let camera = camera(Vec3::new(-0.9, -0.85, 0.2), Vec3::new(0.3, 0.2, -0.5), 80.0);
-    scene(meshes, vec![coated, gray(0.7, 0.0), gray(0.0, 4.0)], vec![], camera)
+    scene(meshes, vec![own, gray(0.7, 0.0), gray(0.0, 4.0)], vec![], camera)
+}
+
+/// A coat of this width over a colored base.
+fn coat(alpha: f32) -> Bsdf {
+    let facets = Facets { model: FacetModel::Ggx, alpha };
+    Bsdf::Plastic(Plastic::new(Vec3::new(0.8, 0.5, 0.2), 1.5, facets, true))
+}
+
+fn principled(roughness: f32, metallic: f32) -> Bsdf {
+    let base_color = Vec3::new(0.8, 0.5, 0.2);
+    let own = PrincipledParameters {
+        base_color,
+        roughness,
+        metallic,
+        clearcoat: 0.5,
+        ..Default::default()
+    };
+    Bsdf::Principled(Principled::new(own))
 }
 
 fn scenes() -> Vec<(&'static str, Arc<Scene>)> {
-    let coats = [("smooth coats", 0.0), ("narrow coats", 0.15), ("wide coats", 0.5)];
-    let coated = coats.map(|(name, alpha)| (name, coated_box(alpha)));
-    [("diffuse walls", furnished_box())].into_iter().chain(coated).collect()
+    let sheet = DiffuseTransmission::new(Vec3::splat(0.5), Vec3::splat(0.2));
+    let glossy = Glossy::new(Vec3::splat(0.7), 0.3, 1.5, 0.2);
+    let walls = [
+        ("smooth coats", coat(0.0)),
+        ("narrow coats", coat(0.15)),
+        ("wide coats", coat(0.5)),
+        ("wide principled surfaces", principled(0.8, 0.0)),
+        ("narrow principled surfaces", principled(0.4, 0.3)),
+        ("glossy surfaces", Bsdf::Glossy(glossy)),
+        ("sheets that transmit", Bsdf::DiffuseTransmission(sheet)),
+    ];
+    let walls = walls.map(|(name, bsdf)| (name, box_of(bsdf)));
+    [("diffuse walls", furnished_box())].into_iter().chain(walls).collect()
 }
 
 /// Cells of this size change the mean by less than 2 %: records and look-ups of all kinds of
@@ -107,7 +136,7 @@ fn noise_of_a_cache_is_predicted_at_far_counts() {
 /// The cache is filled by batches of a fixed size, and its cells are sums in a fixed order.
 #[test]
 fn images_do_not_depend_on_the_number_of_threads() {
-    let scene = coated_box(0.15);
+    let scene = box_of(coat(0.15));
     let render = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {

@@ -14,6 +14,12 @@ const MIN_SIGNAL_SHARE: f64 = 0.9;
 /// fall where its variance is known to be large, and errors of rooms were reported 12 % too low.
 const MIN_PIXEL_SIGNAL_SHARE: f64 = 0.99;
 
+/// Share of the square below which a pixel was lit by less than two events, since `k` events of one
+/// size have a variance of nearly `1/k` of the square of their mean. Such a pixel says nothing about
+/// its own light, and is no part of its neighborhood: one that is 360 times as bright as all others
+/// made the errors of images of a pool under a sun look up to 40 times too small.
+const LIT_ONCE: f64 = 0.5;
+
 /// Pixels to each side of a single pixel that are its neighborhood. With 2, errors of rooms were
 /// reported 12 % too low where a path has few samples, with 3 9 %, and 1 % instead of 3 %
 /// elsewhere.
@@ -69,27 +75,40 @@ pub fn luminances(image: &CombinedImage) -> Vec<f64> {
 
 /// Roots of the squared means minus their variances, since noise adds its variance to the square.
 /// If the variance exceeds `1 - MIN_PIXEL_SIGNAL_SHARE` of the square, the mean over the
-/// neighborhood is used. It does not follow the noise of the pixel.
+/// neighborhood is used. It hardly follows the noise of the pixel, and not at all that of a pixel
+/// below [`LIT_ONCE`].
 pub fn without_noise(mean: &[f64], variance: &[f64], (width, height): (u32, u32)) -> Vec<f64> {
     let clean = |(index, luminance): (usize, &f64)| {
         let square = luminance * luminance;
         match square - variance[index] {
             signal if signal > MIN_PIXEL_SIGNAL_SHARE * square => signal.sqrt(),
-            _ => mean_around(mean, index, (width as usize, height as usize)).max(0.0),
+            signal => {
+                let skips_center = signal < LIT_ONCE * square;
+                mean_around(mean, index, skips_center, (width as usize, height as usize)).max(0.0)
+            }
         }
     };
     mean.par_iter().enumerate().map(clean).collect()
 }
 
-/// Mean over the pixels within [`AROUND_PIXEL`].
-fn mean_around(values: &[f64], index: usize, (width, height): (usize, usize)) -> f64 {
+/// Mean over the pixels within [`AROUND_PIXEL`], with or without that at `index`.
+fn mean_around(
+    values: &[f64],
+    index: usize,
+    skips_center: bool,
+    (width, height): (usize, usize),
+) -> f64 {
     let around = |center: usize, end: usize| {
         center.saturating_sub(AROUND_PIXEL)..(center + AROUND_PIXEL + 1).min(end)
     };
     let (columns, rows) = (around(index % width, width), around(index / width, height));
     let count = columns.len() * rows.len();
     let row = |row: usize| values[row * width..][columns.clone()].iter().sum::<f64>();
-    rows.map(row).sum::<f64>() / count as f64
+    let sum = rows.map(row).sum::<f64>();
+    if skips_center && count > 1 {
+        return (sum - values[index]) / (count - 1) as f64;
+    }
+    sum / count as f64
 }
 
 /// Roots of the mean squares of cells minus their variances. The mean over the neighborhood is used
@@ -132,5 +151,20 @@ mod tests {
         let ratio = pooled(luminance_weights(&own)) / pooled(vec![1.0 / 1.01; side * side]);
         // Five standard deviations, by images of other seeds
         assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
+    }
+
+    /// A pixel that one path of 100 made 400 times too bright has the weight of its neighborhood.
+    #[test]
+    fn pixels_lit_once_do_not_weigh_by_their_light() {
+        let (side, center) = (15, 15 * 7 + 7);
+        let (mut mean, mut variance) = (vec![1.0; side * side], vec![1e-4; side * side]);
+        mean[center] = 400.0;
+        variance[center] = 400.0 * 400.0 * 0.99;
+        let clean = without_noise(&mean, &variance, (side as u32, side as u32));
+        assert!((clean[center] - 1.0).abs() < 1e-12, "{}", clean[center]);
+        // Four events: the pixel is a part of its neighborhood.
+        variance[center] = 400.0 * 400.0 * 0.24;
+        let clean = without_noise(&mean, &variance, (side as u32, side as u32));
+        assert!((clean[center] - (48.0 + 400.0) / 49.0).abs() < 1e-12, "{}", clean[center]);
     }
 }

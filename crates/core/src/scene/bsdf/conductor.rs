@@ -200,7 +200,10 @@ impl Conductor {
             reflect(wo, self.facets.sample_visible(wo, rng.next_2d()))
         };
         let pdf = self.pdf_w(wo, wi);
-        (pdf > 0.0).then(|| BsdfSample { wi, weight: self.eval(wo, wi) * (wi.z / pdf), lobe })
+        if pdf <= 0.0 {
+            return Some(BsdfSample::lost(lobe));
+        }
+        Some(BsdfSample { wi, weight: self.eval(wo, wi) * (wi.z / pdf), lobe })
     }
 }
 

@@ -104,7 +104,7 @@ pub(super) trait CoatOverBase {
         coat + (1.0 - prob) * base
     }
 
-    /// Samples a direction; `None` if it is below the surface, toward another facet.
+    /// Samples a direction. The weight is 0 if it is below the surface, toward another facet.
     fn sample(&self, wo: Vec3, wanted: LobeSet, rng: &mut Rng) -> Option<BsdfSample> {
         let lobe = self.coat_lobe();
         let prob = if wanted == LobeSet::All { self.coat_prob(wo) } else { 1.0 };
@@ -118,7 +118,7 @@ pub(super) trait CoatOverBase {
             cosine_hemisphere(Vec3::Z, rng.next_2d())
         };
         if wi.z <= 0.0 {
-            return None;
+            return Some(BsdfSample::lost(if is_coat { lobe } else { Lobe::Diffuse }));
         }
         if lobe == Lobe::Diffuse {
             // Both lobes have this class: one density for both.

@@ -112,6 +112,13 @@ pub struct BsdfSample {
     pub lobe: Lobe,
 }
 
+impl BsdfSample {
+    /// A sample of this lobe whose light is lost on another facet.
+    fn lost(lobe: Lobe) -> Self {
+        Self { wi: Vec3::Z, weight: Rgb::ZERO, lobe }
+    }
+}
+
 /// The lobes of one class in one direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LobeValue {
@@ -405,8 +412,23 @@ impl Bsdf {
         }
     }
 
-    /// Samples the direction of the next segment; `None` where all is absorbed.
+    /// Samples the direction of the next segment; `None` where all is absorbed, or lost on another
+    /// facet.
+    #[inline]
     pub fn sample(
+        &self,
+        at: &Vertex,
+        transport: Transport,
+        wanted: LobeSet,
+        rng: &mut Rng,
+    ) -> Option<BsdfSample> {
+        let sample = self.sample_lobe(at, transport, wanted, rng);
+        sample.filter(|sample| sample.weight != Rgb::ZERO)
+    }
+
+    /// [`Self::sample`] that tells the lobe where light is lost on another facet: its weight is 0
+    /// then, and its direction of no use. `None` where no lobe was sampled.
+    pub fn sample_lobe(
         &self,
         at: &Vertex,
         transport: Transport,

@@ -390,13 +390,14 @@ impl Principled {
         }
         // A direction on the wrong side of the surface meets another facet: its light is lost.
         let (wi, lobe) = if chosen < probs.base {
-            (cosine_hemisphere(Vec3::Z, rng.next_2d()), Lobe::Diffuse)
+            (Some(cosine_hemisphere(Vec3::Z, rng.next_2d())), Lobe::Diffuse)
         } else if chosen < probs.base + probs.coat {
             let wi = reflect(wo, self.coat.sample(rng.next_2d()));
-            ((wi.z > 0.0).then_some(wi)?, Lobe::Rough)
+            ((wi.z > 0.0).then_some(wi), Lobe::Rough)
         } else {
-            (self.sample_facets(wo, front, rng)?, self.facets_lobe())
+            (self.sample_facets(wo, front, rng), self.facets_lobe())
         };
+        let Some(wi) = wi else { return Some(BsdfSample::lost(lobe)) };
         let pdf = self.pdf_w(lobe, wo, wi, front) / sum;
         let mut weight = self.eval(Some(lobe), wo, wi, front) * (wi.z.abs() / pdf);
         if wi.z < 0.0 && transport == Transport::Flux {

@@ -12,11 +12,16 @@ use crate::simd::draw::{KNOWN, OneKnownFirst};
 use crate::simd::{LANES, lanes_of};
 use crate::transport::light_paths::survival;
 use crate::transport::path_state::{PathState, PathStates, other_surface};
+use crate::transport::suffix_cache::CellLight;
 
 /// A camera path at a surface that is not only diffuse.
 pub(super) struct Other<'a> {
-    surface: Surface<'a>,
-    state: PathState,
+    pub surface: Surface<'a>,
+    pub state: PathState,
+    /// Length of the segment to it, scene units.
+    pub distance: f32,
+    /// Light that a cache knows for the lobes that merge. Their paths end.
+    pub cached: Option<CellLight>,
 }
 
 /// The lobes that connect with one light source.
@@ -69,12 +74,15 @@ impl CameraPaths {
         for lane in lanes_of(lanes) {
             let ((ray, mut state), hit) = (states.get(lane), hits.get(lane));
             if let Some(surface) = other_surface(pass.scene, &ray, &hit, at, lane, &mut state) {
-                others.push(Other { surface, state });
+                let distance = (surface.position - ray.origin).length();
+                let mut other = Other { surface, state, distance, cached: None };
+                other.cached = pass.cached_light(&other);
+                others.push(other);
             }
         }
         self.connect_others(pass, others);
-        for Other { surface, state } in others {
-            if let Some((ray, state)) = self.scatter_other(pass, surface, *state) {
+        for other in others {
+            if let Some((ray, state)) = self.scatter_other(pass, other) {
                 self.next.push_state(&ray, &state);
             }
         }
@@ -82,12 +90,9 @@ impl CameraPaths {
 
     /// Handles a hit of a surface that is not only diffuse, but for its connections. Returns the
     /// next segment unless the path ends.
-    fn scatter_other(
-        &mut self,
-        pass: &CameraPass,
-        surface: &Surface,
-        mut state: PathState,
-    ) -> Option<(Ray, PathState)> {
+    fn scatter_other(&mut self, pass: &CameraPass, other: &Other) -> Option<(Ray, PathState)> {
+        let Other { surface, state, .. } = other;
+        let mut state = *state;
         let diffuse = state.history.diffuse();
         if self.counts_hit(pass, state.history) {
             let mut emission = surface.emission();
@@ -113,8 +118,13 @@ impl CameraPaths {
         // A path that is cut here still takes lobes that pass through.
         let cut = merges && !pass.goes_on_from(vertex);
         let wanted = if cut { LobeSet::PassThrough } else { LobeSet::All };
-        let sample = surface.bsdf.sample(&at, Transport::Radiance, wanted, &mut state.rng)?;
-        if !surface.agrees(&at, sample.wi) {
+        let sample = surface.bsdf.sample_lobe(&at, Transport::Radiance, wanted, &mut state.rng)?;
+        let is_lost = sample.weight == Rgb::ZERO || !surface.agrees(&at, sample.wi);
+        let share = if is_lost { Rgb::ZERO } else { sample.weight };
+        let is_over = !sample.lobe.passes_through()
+            && merges
+            && self.ends_or_records(pass, (other, state.weight * share), &at);
+        if is_lost || is_over {
             return None;
         }
         self.update_partial(&PathVertex { surface, at: &at, state: &state }, &sample);
@@ -146,8 +156,8 @@ impl CameraPaths {
         let mut rngs = [Rng::default(); LANES];
         let mut lobes = [(0, Connected::default()); LANES];
         let mut count = 0;
-        for (number, Other { surface, state }) in others.iter().enumerate() {
-            let diffuse = surface.bsdf.merges() && pass.connects();
+        for (number, Other { surface, state, cached, .. }) in others.iter().enumerate() {
+            let diffuse = surface.bsdf.merges() && pass.connects() && cached.is_none();
             // Without MIS, photons contribute light of rough lobes after a diffuse vertex.
             let is_sampled = self.mis.is_some() || state.history.diffuse() == 0;
             let rough = surface.bsdf.has_rough() && is_sampled;
@@ -175,7 +185,7 @@ impl CameraPaths {
             lights.connect_each(&receivers[..count], &mut rngs[..count], &mut samples[..count]);
         }
         for (i, &(number, connected)) in lobes[..count].iter().enumerate() {
-            let Other { surface, state } = &mut others[number];
+            let Other { surface, state, .. } = &mut others[number];
             state.rng = rngs[i];
             self.connect_lobes(pass.scene, surface, state, connected, samples[i]);
         }
@@ -209,8 +219,8 @@ impl CameraPaths {
         let start = surface.start(light.wi);
         let media = state.history.leaving(scene, surface, light.wi).media();
         let path = Connections::path_in(state.path, media);
-        if state.history.diffuse() == 1 {
-            // Apart from the other lobe: part of a caustic.
+        if state.history.diffuse() == 1 || self.suffixes.is_some() {
+            // Apart from the other lobe: part of a caustic, and of no suffix.
             self.queue_shadow_ray(path | Connections::CAUSTIC, rough, light.target, start);
         } else {
             sum += rough;

@@ -1,14 +1,16 @@
 //! Suffixes of camera paths: full paths record them, and short paths end where a cache knows them.
 //! theory.md, section 11c.
 
+use super::non_diffuse::Other;
 use super::{CameraPass, CameraPaths};
 use crate::base::math::{Rgb, luminance};
 use crate::scene::bsdf::coats::CoatSamples;
+use crate::scene::bsdf::{Transport, Vertex};
 use crate::scene::coated_hits::CoatedVertices;
 use crate::scene::diffuse::DiffuseVertices;
 use crate::simd::{LANES, Mask};
-use crate::transport::path_state::PathStates;
-use crate::transport::suffix_cache::{SuffixCache, SuffixRecord};
+use crate::transport::path_state::{History, PathStates};
+use crate::transport::suffix_cache::{CellLight, SuffixCache, SuffixRecord};
 use glam::Vec3;
 
 /// Light of a camera path from a cache, W/(m^2 sr).
@@ -34,9 +36,20 @@ impl CameraPass<'_> {
     /// Tests whether suffixes that begin at the vertex after this many diffuse ones are cached.
     /// Those of one wavelength are not: they carry other colors.
     #[inline(always)] // part of the loops over vertices
-    fn is_suffix(&self, states: &PathStates, lane: usize) -> bool {
-        let history = states.history[lane];
+    fn is_suffix(&self, history: History) -> bool {
         (history.diffuse() + 1 >= self.settings.merge_vertex) & (history.wavelength_index() == 0)
+    }
+
+    /// Light that the cache knows for the lobes that merge at a vertex that is shaded alone.
+    #[inline(always)] // part of the loop over such vertices
+    pub(super) fn cached_light(&self, other: &Other) -> Option<CellLight> {
+        let Other { surface, state, distance, .. } = other;
+        let cache = self.cache?;
+        if !surface.bsdf.merges() || !self.is_suffix(state.history) {
+            return None;
+        }
+        let normal = surface.vertex(Transport::Radiance).normal;
+        cache.find(surface.position, normal, *distance).copied()
     }
 }
 
@@ -63,7 +76,7 @@ impl CameraPaths {
         states: &PathStates,
     ) {
         for lane in 0..LANES {
-            if !at.active[lane] || !pass.is_suffix(states, lane) {
+            if !at.active[lane] || !pass.is_suffix(states.history[lane]) {
                 continue;
             }
             let lobe = Lobe {
@@ -75,7 +88,7 @@ impl CameraPaths {
             if let Some(cache) = pass.cache {
                 at.active[lane] = !self.look_up(cache, &lobe, states, lane);
             }
-            self.record(&lobe, states, lane, 1.0);
+            self.record(&lobe, states.path[lane], 1.0);
         }
     }
 
@@ -90,21 +103,55 @@ impl CameraPaths {
     ) -> bool {
         let Lobe { position, normal, carried, distance } = *lobe;
         let Some(light) = cache.find(position, normal, distance) else { return false };
-        let cached = &mut self.cached[states.path[lane] as usize];
-        // theory.md (44i)
+        self.add_cached(states.path[lane], carried, light);
+        true
+    }
+
+    /// Adds the light of a cell to a path. theory.md (44i)
+    #[inline]
+    fn add_cached(&mut self, path: u32, carried: Rgb, light: &CellLight) {
+        let cached = &mut self.cached[path as usize];
         cached.sum += carried * light.mean;
         for (sum, half) in cached.halves.iter_mut().zip(light.halves) {
             *sum += luminance(carried * half);
         }
-        true
+    }
+
+    /// Ends or records a path at a vertex that is shaded alone, where it took a lobe that merges
+    /// and `carried` on. Returns true if it ended.
+    ///
+    /// The albedo of such a lobe is not known. What a path carries on, times the probability of the
+    /// lobe, is that times the albedo on average, samples that are lost included: (44k).
+    #[inline(never)] // not part of other strategies
+    pub(super) fn ends_or_records(
+        &mut self,
+        pass: &CameraPass,
+        (other, carried): (&Other, Rgb),
+        at: &Vertex,
+    ) -> bool {
+        let Other { surface, state, distance, cached } = other;
+        if let Some(light) = cached {
+            self.add_cached(state.path, carried, light);
+            return true;
+        }
+        if self.suffixes.is_some() && pass.is_suffix(state.history) {
+            let prob = 1.0 - surface.bsdf.pass_prob(at);
+            let lobe = Lobe {
+                position: surface.position,
+                normal: at.normal,
+                carried: carried * prob,
+                distance: *distance,
+            };
+            self.record(&lobe, state.path, prob);
+        }
+        false
     }
 
     /// Records a lobe that the path took with this probability.
     #[inline]
-    fn record(&mut self, lobe: &Lobe, states: &PathStates, lane: usize, prob: f32) {
+    fn record(&mut self, lobe: &Lobe, path: u32, prob: f32) {
         let Some(recorder) = &mut self.suffixes else { return };
         let Lobe { position, normal, carried, distance } = *lobe;
-        let path = states.path[lane];
         let light = self.direct[path as usize];
         recorder.push(SuffixRecord { position, normal, carried, light, prob, distance, path });
     }
@@ -118,7 +165,7 @@ impl CameraPaths {
         states: &PathStates,
         lane: usize,
     ) -> Option<Lobe> {
-        if !at.active[lane] || !pass.is_suffix(states, lane) {
+        if !at.active[lane] || !pass.is_suffix(states.history[lane]) {
             return None;
         }
         Some(Lobe {
@@ -162,7 +209,7 @@ impl CameraPaths {
                 continue;
             }
             if let Some(lobe) = Self::base_lobe(pass, at, states, lane) {
-                self.record(&lobe, states, lane, 1.0 - at.bsdf.pass_prob(lane));
+                self.record(&lobe, states.path[lane], 1.0 - at.bsdf.pass_prob(lane));
             }
         }
     }
