@@ -37,6 +37,8 @@ pub enum Stream {
     MeterPhotons = 32,
     /// One stream per camera path whose suffixes fill a cache.
     SuffixPath = 33,
+    /// For the rays toward casters of caustics.
+    Aim = 34,
 }
 
 /// Index of camera path `path` of `pixel` in the stream [`Stream::CameraPath`].

@@ -4,8 +4,11 @@
 
 use super::{Cell, Guide, Node};
 use crate::base::math::{Bounds, luminance, uniform_disc, uniform_triangle};
+use crate::base::rng::{Stream, StreamKey};
 use crate::scene::lights::{Emitter, Lights, PrimarySample, below_one};
 use crate::scene::{Scene, Triangle};
+use crate::simd::LANES;
+use crate::simd::sobol::ScrambledSobol;
 use glam::Vec3;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -22,7 +25,7 @@ const MARGIN: f32 = 1.2;
 const RAYS: usize = 4096;
 
 /// Rays that estimate the flux toward a group.
-const FLUX_RAYS: usize = 16;
+const FLUX_RAYS: usize = LANES;
 
 /// Maximum number of lights that are aimed, those of the largest power: lamps may have a million
 /// triangles, each of which is a light.
@@ -78,8 +81,8 @@ impl Guide {
         if rays.is_empty() {
             return None;
         }
-        let pairs = rays.len().div_ceil(RAYS);
-        let (divisions, nodes) = divide(rays, pairs * CELLS_PER_PAIR);
+        let most = rays.len().div_ceil(RAYS) * CELLS_PER_PAIR;
+        let (divisions, nodes) = divide(rays, lights, most);
         let aimed = |own: &Division| own.share / own.cell.volume();
         if divisions.iter().map(aimed).fold(0.0, f64::max) < WORTHWHILE {
             return None;
@@ -92,11 +95,13 @@ impl Guide {
     }
 }
 
-/// Number `index` of a sequence that fills the unit cube of five numbers evenly: multiples of
-/// powers of the root of `x^6 = x + 1`, modulo 1.
-fn even_numbers(index: usize) -> PrimarySample {
-    const ROOT: f64 = 1.134_724_138_401_519_4;
-    std::array::from_fn(|side| (0.5 + index as f64 * ROOT.powi(-(side as i32) - 1)).fract())
+/// Numbers that fill the unit cube evenly, [`RAYS`] of them: Sobol points. Each pair of sides has to
+/// be filled evenly, or a box of it without rays looks empty.
+fn even_numbers() -> Vec<PrimarySample> {
+    let set = ScrambledSobol::new(StreamKey::new(0, Stream::Aim, 0).rng(0));
+    let unit = |bits: u32| f64::from(bits) / f64::powi(2.0, 32);
+    let groups = (0..RAYS).step_by(LANES).map(|first| set.points(first as u32));
+    groups.flat_map(|group| (0..LANES).map(move |i| group.map(|side| unit(side[i])))).collect()
 }
 
 /// Rays from all lights to the balls around groups of casters.
@@ -105,11 +110,11 @@ fn aimed_rays(lights: &Lights, casters: &[Bounds]) -> Vec<AimedRay> {
     let mut strongest: Vec<usize> = (0..prob.len()).collect();
     strongest.sort_by(|&one, &other| prob[other].total_cmp(&prob[one]));
     strongest.truncate(MOST_LIGHTS);
-    let mut pairs = Vec::new();
+    let (numbers, mut pairs) = (even_numbers(), Vec::new());
     for light in strongest {
         for caster in casters {
             let ball = Ball::around(caster);
-            let flux = lights.flux_to(light, &ball);
+            let flux = lights.flux_to(light, &ball, &numbers[..FLUX_RAYS]);
             if flux > 0.0 && flux.is_finite() {
                 pairs.push((flux, light, ball));
             }
@@ -121,13 +126,12 @@ fn aimed_rays(lights: &Lights, casters: &[Bounds]) -> Vec<AimedRay> {
     let total: f64 = pairs.iter().map(|(flux, ..)| flux.sqrt()).sum();
     let mut all = Vec::with_capacity(pairs.len() * RAYS);
     for (flux, light, ball) in pairs {
-        let place = |index: usize| {
-            let numbers = even_numbers(index);
-            let ray = lights.aimed_ray(light, &ball, numbers)?;
-            Some(lights.numbers_of(light, &ray, numbers))
+        let place = |numbers: &PrimarySample| {
+            let ray = lights.aimed_ray(light, &ball, *numbers)?;
+            Some(lights.numbers_of(light, &ray, *numbers))
         };
         let first = all.len();
-        all.extend((0..RAYS).filter_map(place).map(|place| AimedRay { place, share: 0.0 }));
+        all.extend(numbers.iter().filter_map(place).map(|place| AimedRay { place, share: 0.0 }));
         let share = flux.sqrt() / total / (all.len() - first).max(1) as f64;
         all[first..].iter_mut().for_each(|ray| ray.share = share);
     }
@@ -215,18 +219,19 @@ impl Lights {
         }
     }
 
-    /// Estimate of the flux from a light to a ball, W. It only shares out aimed paths.
-    fn flux_to(&self, light: usize, ball: &Ball) -> f64 {
+    /// Estimate by rays of these numbers of the flux from a light to a ball, W. It only shares out
+    /// aimed paths.
+    fn flux_to(&self, light: usize, ball: &Ball, numbers: &[PrimarySample]) -> f64 {
         let disc = std::f32::consts::PI * ball.radius * ball.radius;
-        let irradiance = |number: usize| {
-            let Some(ray) = self.aimed_ray(light, ball, even_numbers(number)) else { return 0.0 };
+        let irradiance = |numbers: &PrimarySample| {
+            let Some(ray) = self.aimed_ray(light, ball, *numbers) else { return 0.0 };
             match self.emitters().get(light) {
                 Some(emitter) => emitter.irradiance(ray.origin, ray.direction, ray.target),
                 None => luminance(self.chosen_environment().integral()),
             }
         };
-        let sum: f32 = (0..FLUX_RAYS).map(irradiance).sum();
-        f64::from(sum / FLUX_RAYS as f32 * disc)
+        let sum: f32 = numbers.iter().map(irradiance).sum();
+        f64::from(sum / numbers.len() as f32 * disc)
     }
 
     /// The numbers that start an aimed light path.
@@ -246,20 +251,34 @@ impl Lights {
 }
 
 /// Divides the cube so that the rays are dense in few cells. Also returns the tree of the cells.
-fn divide(rays: Vec<AimedRay>, most: usize) -> (Vec<Division>, Vec<Node>) {
+///
+/// Lights that are aimed have cells of their own: in a cell of two lights, what few rays of the one
+/// leave out would look empty beside many of the other.
+fn divide(rays: Vec<AimedRay>, lights: &Lights, most: usize) -> (Vec<Division>, Vec<Node>) {
+    let interval = |ray: &AimedRay| {
+        let (light, _) = lights.choose_by_power(ray.place[0]);
+        lights.by_power.interval(light)
+    };
+    let mut ends: Vec<f64> = rays.iter().flat_map(interval).collect();
+    ends.sort_by(f64::total_cmp);
+    ends.dedup();
     let mut nodes = vec![Node::Leaf(0)];
-    let mut heap = BinaryHeap::from([Division::new(Cell::ALL, rays, 0)]);
+    let mut open = Division::new(Cell::ALL, rays, 0);
+    let mut heap = BinaryHeap::new();
+    for end in ends.into_iter().filter(|end| *end > 0.0 && *end < 1.0) {
+        open = Division { side: 0, middle: end, ..open };
+        let [below, above] = open.cut(&mut nodes);
+        heap.push(below);
+        open = above;
+    }
+    heap.push(open);
     let mut done = Vec::new();
     while let Some(open) = heap.pop() {
         if open.gain < LEAST_GAIN || heap.len() + done.len() + 2 > most {
             done.push(open);
-            continue;
+        } else {
+            heap.extend(open.cut(&mut nodes));
         }
-        let below = nodes.len() as u32;
-        let Division { side, middle, node, .. } = open;
-        nodes[node as usize] = Node::Split { side: side as u8, middle, below, share: 0.5 };
-        nodes.extend([Node::Leaf(0); 2]);
-        heap.extend(open.halves(below));
     }
     for (cell, open) in (0..).zip(&done) {
         nodes[open.node as usize] = Node::Leaf(cell);
@@ -334,9 +353,12 @@ impl Division {
         gain(&below) + gain(&above)
     }
 
-    /// The parts below and above the middle, whose nodes are `below` and `below + 1`.
-    fn halves(self, below: u32) -> [Self; 2] {
-        let Self { cell, rays, side, middle, .. } = self;
+    /// The parts below and above the middle, with new nodes.
+    fn cut(self, nodes: &mut Vec<Node>) -> [Self; 2] {
+        let Self { cell, rays, side, middle, node, .. } = self;
+        let below = nodes.len() as u32;
+        nodes[node as usize] = Node::Split { side: side as u8, middle, below, share: 0.5 };
+        nodes.extend([Node::Leaf(0); 2]);
         let (lower, upper) = rays.into_iter().partition(|ray| ray.place[side] < middle);
         let mut cells = [cell; 2];
         cells[0].size[side] = middle - cell.low[side];

@@ -105,6 +105,45 @@ fn aimed_paths_meet_small_casters_and_carry_their_flux() {
     }
 }
 
+/// Boxes of any two sides have about as many rays as their area says: one without rays would look
+/// empty. Multiples of powers of the root of `x^6 = x + 1` had none in some, and light paths of a sun
+/// that started there toward a pool carried 26,000 times the mean flux.
+#[test]
+fn rays_fill_each_pair_of_sides() {
+    let numbers = even_numbers();
+    for (one, other) in (0..5).flat_map(|one| (0..one).map(move |other| (one, other))) {
+        let mut counts = [0u32; 256];
+        for own in &numbers {
+            let [x, y] = [one, other].map(|side| (16.0 * own[side]) as usize);
+            counts[16 * x + y] += 1;
+        }
+        let expected = RAYS as u32 / 256;
+        let fill = expected / 2..=2 * expected;
+        assert!(counts.iter().all(|count| fill.contains(count)), "{one} {other}");
+    }
+}
+
+/// No path to the cube carries far more flux than others.
+#[test]
+fn no_path_to_a_small_caster_carries_far_more_than_others() {
+    let scene = cube_on_ground(300.0, vec![sun()], Some(0.1));
+    let ball = Ball { center: Vec3::new(3.0, 1.0, -2.0), radius: 0.75f32.sqrt() };
+    let aimed = Guide::aimed(&scene).unwrap();
+    let mut rng = StreamKey::new(4, Stream::Test, 0).rng(0);
+    let (mut sum, mut squares, mut met) = (0.0, 0.0, 0.0);
+    for _ in 0..1_000_000 {
+        let (_, emission) = scene.lights().emit_guided(&aimed, primary_sample(&mut rng));
+        let away = ball.center - emission.origin;
+        let along = away.dot(emission.direction);
+        if along > 0.0 && (away - along * emission.direction).length() < ball.radius {
+            let flux = f64::from(luminance(emission.flux));
+            (sum, squares, met) = (sum + flux, squares + flux * flux, met + 1.0);
+        }
+    }
+    let moment = squares * met / (sum * sum);
+    assert!(met > 1000.0 && moment < 3.0, "{met} {moment}");
+}
+
 /// The noise of the flux to the cube hardly depends on the size of the ground.
 #[test]
 fn aim_does_not_depend_on_the_size_of_the_ground() {
