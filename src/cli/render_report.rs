@@ -312,7 +312,7 @@ fn error(report: &RenderReport) -> String {
 fn bias_name(report: &RenderReport) -> &'static str {
     match report.audit {
         Some(audit) if audit.verdict == Verdict::Differs => "difference from the audit",
-        _ => "merge bias",
+        _ => report.run.settings.strategy.bias_name(),
     }
 }
 

@@ -59,10 +59,11 @@ fn candidates(selection: &Selection) -> Vec<String> {
             false => String::new(),
         };
         format!(
-            "{}: {}{radius}: error {error:.2} % after {}, noise {noise:.2} %, merge bias {bias:.2} %{}",
+            "{}: {}{radius}: error {error:.2} % after {}, noise {noise:.2} %, {} {bias:.2} %{}",
             if index == 0 { "chosen" } else { "not chosen" },
             candidate.technique.describe(),
             human_time(candidate.seconds),
+            candidate.technique.strategy.bias_name(),
             if candidate.tried { "" } else { " (predicted)" },
         )
     };

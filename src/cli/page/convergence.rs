@@ -49,7 +49,8 @@ fn caption(snapshot: &Snapshot) -> Markup {
     html! {
         "On these axes, noise decreases along a straight line: a quarter of the noise takes sixteen times as long."
         @if snapshot.state.stop.bias2 > 0.0 {
-            " The merge bias does not decrease with time."
+            " The " (snapshot.state.provenance.settings.strategy.bias_name())
+            " does not decrease with time."
         }
         @if let Some(promise) = promise {
             " The promise was made after " (human_time(promise.said_after)) " and is not updated."
@@ -101,7 +102,7 @@ impl ErrorCurves {
             ("measured", "measured", &measured),
             ("promised", "promised", &promised),
             ("forecast", "expected now", &forecast),
-            ("bias", "merge bias", &bias),
+            ("bias", state.provenance.settings.strategy.bias_name(), &bias),
             ("target", "target", &target),
         ];
         let named = curves.iter().filter(|(_, _, points)| !points.is_empty());

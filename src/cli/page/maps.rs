@@ -27,10 +27,12 @@ pub struct Maps {
     denoised: Option<Picture>,
     /// Relative RMS of the noise.
     noise: Option<Picture>,
-    /// Relative merge bias of the pixels in which it is significant.
+    /// Relative bias of the pixels in which it is significant.
     bias: Option<Picture>,
     /// True if the picture shows the bias before its correction.
     is_corrected: bool,
+    /// True if the bias is that of a cache.
+    has_cache: bool,
     terms: Option<NoiseTerms>,
 }
 
@@ -69,6 +71,7 @@ impl Maps {
             Picture::exposed((name, alt), scale.shrunk(), &pixels, exposure)
         };
         let scene = &snapshot.state.provenance.scene;
+        let strategy = snapshot.state.provenance.settings.strategy;
         // Relative to the luminance of each pixel, whatever the objective.
         let cells = image.grid();
         let importance = importance(image.blocks(), Objective::Relative);
@@ -85,7 +88,12 @@ impl Maps {
             };
             let values: Vec<_> = bias.par_iter().zip(&importance).map(relative).collect();
             let values = cells.expanded(&values);
-            scale.values("bias", "merge bias of each pixel", &values, Colors::Diverging)
+            scale.values(
+                "bias",
+                &format!("{} of each pixel", strategy.bias_name()),
+                &values,
+                Colors::Diverging,
+            )
         });
         Self {
             image: radiance("image", &format!("the picture of {scene}"), &mean),
@@ -95,6 +103,7 @@ impl Maps {
             noise,
             bias,
             is_corrected: image.bias_correction().is_some(),
+            has_cache: strategy.has_cache(),
             terms: NoiseTerms::new(snapshot, scale, &importance),
         }
     }
@@ -145,8 +154,14 @@ impl Maps {
                         }))
                         @if let Some(bias) = &self.bias {
                             (figure(bias, &html! {
-                                "Merge bias: pixels are too bright (positive) or too dark because photons are merged "
-                                "over a small area. Only bias that exceeds the noise is shown. "
+                                @if self.has_cache {
+                                    "Bias of the cache: pixels are too bright (positive) or too dark because light is "
+                                    "averaged over small cells. "
+                                } @else {
+                                    "Merge bias: pixels are too bright (positive) or too dark because photons are merged "
+                                    "over a small area. "
+                                }
+                                "Only bias that exceeds the noise is shown. "
                                 @if self.is_corrected {
                                     "This is the bias before its correction."
                                 } @else {
@@ -157,7 +172,7 @@ impl Maps {
                         }
                     }
                     @if self.bias.is_none() && snapshot.report.is_some() {
-                        p { "Too few iterations were measured to estimate the merge bias of each pixel." }
+                        p { "Too few iterations were measured to estimate the bias of each pixel." }
                     }
                 } @else {
                     p { "The error is known after the second iteration." }
@@ -315,6 +330,7 @@ mod tests {
             noise: None,
             bias: None,
             is_corrected: false,
+            has_cache: false,
             terms: None,
         };
         let html = raw.viewer((4, 3)).into_string();

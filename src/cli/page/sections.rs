@@ -122,7 +122,8 @@ fn tiles(snapshot: &Snapshot) -> Markup {
     };
     let split = (bias > 0.0).then(|| {
         let noise = noise2.map_or("–".into(), |noise2| percent(noise2.sqrt()));
-        format!("noise {noise}, merge bias {}", percent(bias))
+        let name = state.provenance.settings.strategy.bias_name();
+        format!("noise {noise}, {name} {}", percent(bias))
     });
     let interval = convergence.and_then(|now| state.error_interval(now));
     let unseen = state.unseen_light().map(|own| format!("no photon has shown {}", own.describe()));

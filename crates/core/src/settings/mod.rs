@@ -90,6 +90,11 @@ impl Strategy {
         self.traits().has_cache
     }
 
+    /// What the systematic part of its error is called.
+    pub const fn bias_name(self) -> &'static str {
+        if self.has_cache() { "bias of the cache" } else { "merge bias" }
+    }
+
     /// Tests whether pixels share the light of photons or of a cache.
     pub const fn shares_light(self) -> bool {
         self.has_photons() || self.has_cache()

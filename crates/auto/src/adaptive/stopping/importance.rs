@@ -16,8 +16,8 @@ const MIN_PIXEL_SIGNAL_SHARE: f64 = 0.99;
 
 /// Share of the square below which a pixel was lit by less than two events, since `k` events of one
 /// size have a variance of nearly `1/k` of the square of their mean. Such a pixel says nothing about
-/// its own light, and is no part of its neighborhood: one that is 360 times as bright as all others
-/// made the errors of images of a pool under a sun look up to 40 times too small.
+/// the light around it, and is no part of a neighborhood of others: discs of single photons, 360
+/// times as bright as all around them, made the errors of images of a pool look 40 times too small.
 const LIT_ONCE: f64 = 0.5;
 
 /// Pixels to each side of a single pixel that are its neighborhood. With 2, errors of rooms were
@@ -75,40 +75,47 @@ pub fn luminances(image: &CombinedImage) -> Vec<f64> {
 
 /// Roots of the squared means minus their variances, since noise adds its variance to the square.
 /// If the variance exceeds `1 - MIN_PIXEL_SIGNAL_SHARE` of the square, the mean over the
-/// neighborhood is used. It hardly follows the noise of the pixel, and not at all that of a pixel
-/// below [`LIT_ONCE`].
+/// neighborhood is used. It hardly follows the noise of the pixel.
 pub fn without_noise(mean: &[f64], variance: &[f64], (width, height): (u32, u32)) -> Vec<f64> {
-    let clean = |(index, luminance): (usize, &f64)| {
-        let square = luminance * luminance;
-        match square - variance[index] {
-            signal if signal > MIN_PIXEL_SIGNAL_SHARE * square => signal.sqrt(),
-            signal => {
-                let skips_center = signal < LIT_ONCE * square;
-                mean_around(mean, index, skips_center, (width as usize, height as usize)).max(0.0)
-            }
-        }
+    let signal = |(mean, variance): (&f64, &f64)| mean * mean - variance;
+    let pixels = mean.par_iter().zip(variance);
+    let lit_once: Vec<bool> =
+        pixels.clone().map(|own| signal(own) < LIT_ONCE * own.0 * own.0).collect();
+    let around =
+        Around { mean, lit_once: &lit_once, size: [width, height].map(|own| own as usize) };
+    let clean = |(index, own): (usize, (&f64, &f64))| match signal(own) {
+        signal if signal > MIN_PIXEL_SIGNAL_SHARE * own.0 * own.0 => signal.sqrt(),
+        _ => around.mean(index).max(0.0),
     };
-    mean.par_iter().enumerate().map(clean).collect()
+    pixels.enumerate().map(clean).collect()
 }
 
-/// Mean over the pixels within [`AROUND_PIXEL`], with or without that at `index`.
-fn mean_around(
-    values: &[f64],
-    index: usize,
-    skips_center: bool,
-    (width, height): (usize, usize),
-) -> f64 {
-    let around = |center: usize, end: usize| {
-        center.saturating_sub(AROUND_PIXEL)..(center + AROUND_PIXEL + 1).min(end)
-    };
-    let (columns, rows) = (around(index % width, width), around(index / width, height));
-    let count = columns.len() * rows.len();
-    let row = |row: usize| values[row * width..][columns.clone()].iter().sum::<f64>();
-    let sum = rows.map(row).sum::<f64>();
-    if skips_center && count > 1 {
-        return (sum - values[index]) / (count - 1) as f64;
+/// The neighborhoods of pixels.
+struct Around<'a> {
+    mean: &'a [f64],
+    lit_once: &'a [bool],
+    size: [usize; 2],
+}
+
+impl Around<'_> {
+    /// Mean over the pixels within [`AROUND_PIXEL`]. Those that were lit once are left out if more
+    /// than half of all were lit more often: else rare light may be all there is.
+    fn mean(&self, index: usize) -> f64 {
+        let [width, height] = self.size;
+        let around = |center: usize, end: usize| {
+            center.saturating_sub(AROUND_PIXEL)..(center + AROUND_PIXEL + 1).min(end)
+        };
+        let (columns, rows) = (around(index % width, width), around(index / width, height));
+        let count = (columns.len() * rows.len()) as f64;
+        let (mut sum, mut often, mut light) = (0.0, 0.0, 0.0);
+        for at in rows.flat_map(|row| columns.clone().map(move |column| row * width + column)) {
+            sum += self.mean[at];
+            if !self.lit_once[at] && self.mean[at] > 0.0 {
+                (often, light) = (often + 1.0, light + self.mean[at]);
+            }
+        }
+        if often > 0.5 * count { light / often } else { sum / count }
     }
-    sum / count as f64
 }
 
 /// Roots of the mean squares of cells minus their variances. The mean over the neighborhood is used
@@ -153,18 +160,25 @@ mod tests {
         assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
     }
 
-    /// A pixel that one path of 100 made 400 times too bright has the weight of its neighborhood.
+    /// Discs that one photon of 100 made 400 times too bright have the weight of their neighborhood.
     #[test]
     fn pixels_lit_once_do_not_weigh_by_their_light() {
         let (side, center) = (15, 15 * 7 + 7);
         let (mut mean, mut variance) = (vec![1.0; side * side], vec![1e-4; side * side]);
-        mean[center] = 400.0;
-        variance[center] = 400.0 * 400.0 * 0.99;
-        let clean = without_noise(&mean, &variance, (side as u32, side as u32));
-        assert!((clean[center] - 1.0).abs() < 1e-12, "{}", clean[center]);
-        // Four events: the pixel is a part of its neighborhood.
-        variance[center] = 400.0 * 400.0 * 0.24;
-        let clean = without_noise(&mean, &variance, (side as u32, side as u32));
-        assert!((clean[center] - (48.0 + 400.0) / 49.0).abs() < 1e-12, "{}", clean[center]);
+        let disc = [center, center + 1, center + 15, center + 16];
+        let mut light = |share: f64| {
+            for at in disc {
+                (mean[at], variance[at]) = (400.0, 400.0 * 400.0 * share);
+            }
+            without_noise(&mean, &variance, (side as u32, side as u32))[center]
+        };
+        let clean = light(0.99);
+        assert!((clean - 1.0).abs() < 1e-12, "{clean}");
+        // Four events: the disc is a part of the neighborhood.
+        let clean = light(0.24);
+        assert!((clean - (45.0 + 4.0 * 400.0) / 49.0).abs() < 1e-12, "{clean}");
+        // No pixel was lit more often.
+        let all = without_noise(&[4.0, 0.0, 0.0, 0.0], &[15.0, 0.0, 0.0, 0.0], (2, 2));
+        assert_eq!(all[0], 1.0);
     }
 }
