@@ -32,6 +32,7 @@ fn pass<'a>(
         settings,
         key: StreamKey::new(1, Stream::CameraPath, 0),
         gather_early: false,
+        hides_lights: false,
         points: None,
         directions: None,
         cache,

@@ -121,6 +121,7 @@ fn camera_pass<'a>(
         settings,
         key,
         gather_early: false,
+        hides_lights: false,
         points: None,
         directions: None,
         cache: None,

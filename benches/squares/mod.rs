@@ -39,6 +39,7 @@ impl<'a> Squares<'a> {
             settings,
             key,
             gather_early: false,
+            hides_lights: false,
             points: None,
             directions: None,
             cache: None,

@@ -127,6 +127,7 @@ fn integrating_sphere_bounce_by_bounce_from_the_camera() {
             settings: &settings,
             key: StreamKey::new(1, Stream::CameraPath, 0),
             gather_early: false,
+            hides_lights: false,
             points: None,
             directions: None,
             cache: None,

@@ -33,6 +33,7 @@ fn batches_merged_together_equal_one_batch() {
             settings: &settings,
             key: StreamKey::new(1, Stream::CameraPath, 0),
             gather_early: true,
+            hides_lights: false,
             points: None,
             directions: None,
             cache: None,

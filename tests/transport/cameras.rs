@@ -200,6 +200,7 @@ fn layers_of_a_fisheye_are_those_of_its_pixels() {
         settings: &settings,
         key: bdpm::base::rng::StreamKey::new(1, bdpm::base::rng::Stream::CameraPath, 0),
         gather_early: true,
+        hides_lights: false,
         points: None,
         directions: None,
         cache: None,

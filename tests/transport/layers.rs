@@ -20,6 +20,7 @@ const CONFIG: RenderConfig = RenderConfig {
     nested_part: None,
     unfindable_only: false,
     independent_paths: false,
+    hides_lights: false,
     ranks: 1,
 };
 
@@ -255,4 +256,31 @@ fn layers_do_not_depend_on_measuring() {
     assert_eq!(plain.shared(), measured.shared());
     assert_eq!(plain.block().statistics.light, measured.block().statistics.light);
     assert_eq!(plain.block().statistics.folds, measured.block().statistics.folds);
+}
+
+/// What a renderer that hides lights leaves out is the layer of emission, pixel by pixel.
+#[test]
+fn hidden_lights_are_the_layer_of_emission() {
+    let scene = mirrored_box();
+    let accel = accel(&scene);
+    for (way, own) in ways().into_iter().enumerate() {
+        let render = |hides_lights: bool| {
+            let config = RenderConfig { hides_lights, ..CONFIG };
+            let renderer = Renderer::new(&scene, &accel, own.clone()).unwrap();
+            let mut renderer = renderer.configure(config).unwrap();
+            (0..4).for_each(|_| drop(renderer.iterate(Measure::Off)));
+            renderer
+        };
+        let [shown, hidden] = [false, true].map(render);
+        let image = CombinedImage::new(shown.blocks(), vec![1.0]);
+        let light = image.light_rows(shown.shared(), 0..image.resolution().1).unwrap();
+        let rest = CombinedImage::new(hidden.blocks(), vec![1.0]).mean();
+        let mut sum = 0.0;
+        for ((shown, rest), light) in image.mean().iter().zip(rest).zip(&light) {
+            let off = (shown.as_dvec3() - rest.as_dvec3() - light.emission).abs().max_element();
+            assert!(off <= 1e-5 * (1.0 + f64::from(shown.max_element())), "{way}: {shown} {rest}");
+            sum += light.emission.x;
+        }
+        assert!(sum > 0.0, "{way}: a lamp is seen");
+    }
 }

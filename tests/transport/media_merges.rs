@@ -129,6 +129,7 @@ fn assert_merges_nest(scene: &Scene, accel: &dyn Intersect, medium_query: Medium
         settings: &settings,
         key: StreamKey::new(1, Stream::CameraPath, 0),
         gather_early: true,
+        hides_lights: false,
         points: None,
         directions: None,
         cache: None,

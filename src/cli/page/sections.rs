@@ -8,8 +8,10 @@ use crate::cli::scene_input::SceneInput;
 use bdpm::adaptive::error_interval::{COVERAGE, ErrorInterval};
 use bdpm::adaptive::stopping::{Stop, StoppedBy, Target};
 use bdpm::image_io::number;
+use bdpm::job::RenderState;
 use bdpm::noise::merge_bias::UPPER_BOUND;
 use bdpm::report::number::count;
+use bdpm::settings::Strategy;
 use bdpm::settings::provenance::Provenance;
 use maud::{Markup, html};
 
@@ -97,6 +99,11 @@ fn stop_text(stop: &Stop) -> Option<String> {
     (!ends.is_empty()).then(|| ends.join(", or "))
 }
 
+/// The strategy of the image.
+fn strategy(state: &RenderState) -> Strategy {
+    state.provenance.settings.strategy
+}
+
 fn tiles(snapshot: &Snapshot) -> Markup {
     let state = snapshot.state;
     let convergence = state.status.convergence.as_ref();
@@ -122,8 +129,7 @@ fn tiles(snapshot: &Snapshot) -> Markup {
     };
     let split = (bias > 0.0).then(|| {
         let noise = noise2.map_or("–".into(), |noise2| percent(noise2.sqrt()));
-        let name = state.provenance.settings.strategy.bias_name();
-        format!("noise {noise}, {name} {}", percent(bias))
+        format!("noise {noise}, {} {}", strategy(state).bias_name(), percent(bias))
     });
     let interval = convergence.and_then(|now| state.error_interval(now));
     let unseen = state.unseen_light().map(|own| format!("no photon has shown {}", own.describe()));

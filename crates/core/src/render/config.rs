@@ -32,6 +32,10 @@ pub struct RenderConfig {
     /// looks at few iterations needs this: an audit, trials of the pilot. So do meters, which are
     /// no pixels.
     pub independent_paths: bool,
+    /// Leaves out light sources that paths hit before a diffuse vertex. Their noise is the same
+    /// with every technique: a lamp that fills a part of a pixel can hide all differences between
+    /// them.
+    pub hides_lights: bool,
     /// Number of processes that render the image together. Reported times are divided by it.
     pub ranks: u32,
 }
@@ -45,6 +49,7 @@ impl Default for RenderConfig {
             nested_part: None,
             unfindable_only: false,
             independent_paths: false,
+            hides_lights: false,
             ranks: 1,
         }
     }

@@ -104,6 +104,7 @@ fn record(
         settings: &settings,
         key: StreamKey::new(SEED, Stream::CameraPath, u64::from(round)),
         gather_early: false,
+        hides_lights: false,
         points: None,
         directions,
         cache: None,

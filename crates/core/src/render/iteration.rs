@@ -157,6 +157,7 @@ impl Renderer {
             settings,
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
             gather_early: mis.is_some() || self.found_caustic_photons(),
+            hides_lights: self.config.hides_lights,
             points: CameraPoints::of(settings, iteration)
                 .filter(|_| !self.config.independent_paths),
             directions: self.directions(),

@@ -74,6 +74,7 @@ fn receivers(
         settings: &settings,
         key: StreamKey::new(SEED, Stream::CameraPath, 0),
         gather_early: true,
+        hides_lights: false,
         points: None,
         directions: None,
         cache: None,

@@ -126,6 +126,7 @@ impl Suffixes {
             settings,
             key: StreamKey::new(settings.seed, Stream::SuffixPath, iteration),
             gather_early: false,
+            hides_lights: false,
             points: None,
             directions: renderer.directions(),
             cache: None,

@@ -191,10 +191,8 @@ impl MeasureJob {
         for (number, (name, scene)) in (0..).zip(&groups) {
             for (kind_number, kind) in (0..).zip(&kinds) {
                 let left = jobs - (number * kinds.len() as u32 + kind_number);
-                let time = self.time.map(|time| {
-                    let share = time.saturating_sub(start.elapsed()) / left;
-                    share.max(MIN_TIME)
-                });
+                let share = |time: Duration| time.saturating_sub(start.elapsed()) / left;
+                let time = self.time.map(|time| share(time).max(MIN_TIME));
                 let sets = (0..).zip(&self.sets).filter(|(_, set)| set.kind == *kind);
                 let sets: Vec<(usize, &MeterSet)> = sets.collect();
                 let mut watched = |worst, iterations| {

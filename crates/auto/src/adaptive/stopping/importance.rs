@@ -15,9 +15,10 @@ const MIN_SIGNAL_SHARE: f64 = 0.9;
 const MIN_PIXEL_SIGNAL_SHARE: f64 = 0.99;
 
 /// Share of the square below which a pixel was lit by less than two events, since `k` events of one
-/// size have a variance of nearly `1/k` of the square of their mean. Such a pixel says nothing about
-/// the light around it, and is no part of a neighborhood of others: discs of single photons, 360
-/// times as bright as all around them, made the errors of images of a pool look 40 times too small.
+/// size have a variance of nearly `1/k` of the square of their mean. Such a pixel says nothing
+/// about the light around it, and is no part of a neighborhood of others: discs of single photons,
+/// 360 times as bright as all around them, made the errors of images of a pool look 40 times too
+/// small.
 const LIT_ONCE: f64 = 0.5;
 
 /// Pixels to each side of a single pixel that are its neighborhood. With 2, errors of rooms were
@@ -160,7 +161,8 @@ mod tests {
         assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
     }
 
-    /// Discs that one photon of 100 made 400 times too bright have the weight of their neighborhood.
+    /// Discs that one photon of 100 made 400 times too bright have the weight of their
+    /// neighborhood.
     #[test]
     fn pixels_lit_once_do_not_weigh_by_their_light() {
         let (side, center) = (15, 15 * 7 + 7);

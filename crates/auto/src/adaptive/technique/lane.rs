@@ -94,7 +94,8 @@ impl TrialRunner<'_> {
             ..own
         };
         let renderer = self.renderers[known].sample(own, stride)?.guided(self.guide.clone());
-        let config = RenderConfig { independent_paths: true, ..RenderConfig::default() };
+        let config =
+            RenderConfig { independent_paths: true, hides_lights: true, ..RenderConfig::default() };
         Ok(Lane::new(renderer.configure(config)?, candidate.times, known))
     }
 }

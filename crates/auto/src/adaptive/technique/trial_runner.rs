@@ -190,7 +190,12 @@ impl<'a> TrialRunner<'a> {
         let renderer = self.renderers[known].sample(settings.clone(), self.stride)?;
         let renderer = renderer.guided(self.guide.clone());
         let batches = RenderConfig::with_pixel_batches();
-        let config = RenderConfig { nested_part: nests, independent_paths: true, ..batches };
+        let config = RenderConfig {
+            nested_part: nests,
+            independent_paths: true,
+            hides_lights: true,
+            ..batches
+        };
         let mut renderer = renderer.configure(config)?;
         let photons = measure_noise(&mut renderer, begun, seconds, &mut self.growths[known])?;
         let noise = renderer.block().noise_image()?;

@@ -21,6 +21,7 @@ mod layers;
 mod plastic;
 mod principled;
 mod rough_dielectric;
+mod sample;
 
 pub use coated::Coated;
 pub use conductor::{Conductor, Reflectance};
@@ -31,6 +32,7 @@ pub use glossy::Glossy;
 pub use plastic::Plastic;
 pub use principled::{Principled, PrincipledParameters};
 pub use rough_dielectric::RoughDielectric;
+pub use sample::{BsdfSample, LobeSet, LobeValue};
 
 use crate::base::math::{Frame, Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
@@ -98,43 +100,6 @@ impl Vertex {
             Some(tangent) => Frame::with_tangent(self.normal, tangent),
         }
     }
-}
-
-/// A sampled direction.
-#[derive(Clone, Copy, Debug)]
-pub struct BsdfSample {
-    /// Sampled direction.
-    pub wi: Vec3,
-    /// `f |cos(theta)| / pdf_w`, of a delta lobe its limit.
-    /// theory.md (20).
-    pub weight: Rgb,
-    /// Class of the sampled lobe.
-    pub lobe: Lobe,
-}
-
-impl BsdfSample {
-    /// A sample of this lobe whose light is lost on another facet.
-    fn lost(lobe: Lobe) -> Self {
-        Self { wi: Vec3::Z, weight: Rgb::ZERO, lobe }
-    }
-}
-
-/// The lobes of one class in one direction.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LobeValue {
-    /// Value, 1/sr; see [`Bsdf::eval_lobe`].
-    pub value: Rgb,
-    /// Density of sampling it, 1/sr; see [`Bsdf::pdf_w`].
-    pub pdf_w: f32,
-}
-
-/// The lobes to sample.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LobeSet {
-    /// All lobes.
-    All,
-    /// Lobes that pass through.
-    PassThrough,
 }
 
 /// A bidirectional scattering distribution function.

@@ -70,6 +70,8 @@ pub struct CameraPass<'a> {
     pub key: StreamKey,
     /// Vertices before the last one gather, too.
     pub gather_early: bool,
+    /// Light sources that paths hit before a diffuse vertex are left out.
+    pub hides_lights: bool,
     /// Points that the paths start from; without them their numbers are independent.
     pub points: Option<CameraPoints>,
     /// Guide of the directions from diffuse vertices.
@@ -458,7 +460,8 @@ impl CameraPaths {
     /// those that are hit after the first diffuse vertex.
     fn counts_hit(&self, pass: &CameraPass, history: History) -> bool {
         let is_connected = history.is_start() && pass.scene.measures_irradiance();
-        (history.diffuse() == 0 || self.mis.is_some()) && !is_connected
+        let is_hidden = pass.hides_lights && history.diffuse() == 0;
+        (history.diffuse() == 0 || self.mis.is_some()) && !is_connected && !is_hidden
     }
 
     /// [`Self::counts_hit`] of the environment. Meters are connected with it through slabs, too.
