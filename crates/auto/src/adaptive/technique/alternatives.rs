@@ -5,8 +5,8 @@ use super::pilot::Finalist;
 use super::{Candidate, End, Selection};
 use serde::{Deserialize, Serialize};
 
-/// Factor on the squared error of other techniques that merge, once one was refuted: they may have
-/// the same fault. Path tracing is what refuted it.
+/// Factor on the squared error of other techniques whose pixels share light, once one was refuted:
+/// they may have the same fault. Path tracing is what refuted it.
 const DOUBT: f64 = 4.0;
 
 /// A technique that an audit of the image refuted.
@@ -52,7 +52,9 @@ impl Alternatives {
     }
 
     /// The best choice without the technique of the `selection`, which an audit refuted by this
-    /// relative difference; `None` if no other was tried.
+    /// relative difference; `None` if no other is expected to differ less from the truth. Of those
+    /// whose pixels share light, only the tried ones count: a cache of light that no trial had
+    /// measured took the place of photons in a caustic, and had eight times their error.
     pub fn without_refuted(
         &mut self,
         selection: &Selection,
@@ -66,11 +68,16 @@ impl Alternatives {
         };
         let again = CandidateCost { end, ..self.demand };
         let is_other = |own: &Finalist| own.model.technique != instead_of.technique;
+        let shares = |own: &Finalist| own.model.technique.strategy.shares_light();
+        let after = |own: &Finalist| own.best.after(&self.demand, &again);
         let rank = |own: &Finalist| {
-            let doubt = if own.model.technique.merges() { DOUBT } else { 1.0 };
-            doubt * own.best.after(&self.demand, &again).rank(&again)
+            let doubt = if shares(own) { DOUBT } else { 1.0 };
+            doubt * after(own).rank(&again)
         };
-        let others = self.finalists.iter().enumerate().filter(|(_, own)| is_other(own));
+        let is_known = |own: &Finalist| is_other(own) && (own.best.tried || !shares(own));
+        let is_better = |own: &Finalist| after(own).scored(own.model.technique).error < difference;
+        let others = self.finalists.iter().enumerate();
+        let others = others.filter(|(_, own)| is_known(own) && is_better(own));
         let (index, _) = others.min_by(|(_, a), (_, b)| rank(a).total_cmp(&rank(b)))?;
         let next = self.finalists.swap_remove(index);
         self.finalists.retain(is_other);
@@ -81,5 +88,71 @@ impl Alternatives {
         candidates.insert(0, best);
         let refuted = Some(Refuted { after: time.done, instead_of, difference });
         Some(Selection { candidates, refuted, ..selection.clone() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adaptive::technique::candidate_cost::tests::demand;
+    use crate::adaptive::technique::model::{ImageScale, Model};
+    use crate::adaptive::technique::trial_runner::TrialRunner;
+    use crate::adaptive::technique::{FreeParameters, Technique};
+    use bdpm_core::noise::Coefficients;
+    use bdpm_core::render::Renderer;
+    use bdpm_core::scene::backend::{Backend, build};
+    use bdpm_core::settings::{Settings, Strategy};
+    use bdpm_load::load;
+
+    /// Finalists of `scenes/keyhole` with these variances of a camera path.
+    fn finalists(of: &[(Strategy, f64, bool)]) -> (Vec<Finalist>, CandidateCost) {
+        let loaded = load(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/keyhole")).unwrap();
+        let own = Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
+        let own = Settings { width: 32, height: 24, ..own.unwrap() };
+        let accel = build(Backend::Bvh, &loaded.scene).unwrap();
+        let open = FreeParameters { strategy: true, ..FreeParameters::NONE };
+        let demand = CandidateCost { open, ..demand(End::Time(10.0)) };
+        let finalist = |&(strategy, b, tried): &(Strategy, f64, bool)| {
+            let own = Settings { strategy, ..own.clone() };
+            let renderer = Renderer::new(&loaded.scene, &accel, own.clone()).unwrap();
+            let mut runner = TrialRunner::new(&renderer, 0.0).unwrap();
+            let scale = ImageScale { width: own.width, footprint: runner.footprint };
+            let trial = runner.trial(&own, None, 0.0).unwrap();
+            let weights = vec![1.0; trial.noise.pixels.len()];
+            let model = Model::new(Technique::of(&own), &[trial], &weights, scale);
+            let radii = [f64::from(own.radius); 2];
+            let coefficients = Coefficients { a: 0.0, b, f: 0.0 };
+            let best = model.evaluate(&coefficients, &model.time(radii), &demand, radii);
+            Finalist { model, best: best.tried(tried), is_reserve: false, missed: 0.0 }
+        };
+        (of.iter().map(finalist).collect(), demand)
+    }
+
+    /// The strategy that takes the place of merging, which differs from the truth by this.
+    fn instead(others: &[(Strategy, f64, bool)], difference: f64) -> Option<Strategy> {
+        let all = [&[(Strategy::Single, 1.0, true)], others].concat();
+        let (finalists, demand) = finalists(&all);
+        let candidates = finalists.iter().map(|own| own.best.scored(own.model.technique)).collect();
+        let selection = Selection {
+            candidates,
+            open: demand.open,
+            guide: None,
+            seconds: 1.0,
+            refuted: None,
+            refuted_trials: vec![],
+        };
+        let mut others = Alternatives::new(finalists, demand);
+        let time = TimeShare { done: 1.0, left: Some(9.0) };
+        let again = others.without_refuted(&selection, time, difference)?;
+        Some(again.best().technique.strategy)
+    }
+
+    #[test]
+    fn only_what_is_known_to_be_better_takes_the_place_of_a_refuted_technique() {
+        let (gather, path) = (Strategy::Gather, Strategy::Path);
+        assert_eq!(instead(&[(gather, 1.0, true), (path, 100.0, false)], 10.0), Some(gather));
+        assert_eq!(instead(&[(gather, 1.0, false), (path, 100.0, false)], 10.0), Some(path));
+        assert_eq!(instead(&[(gather, 1.0, false)], 10.0), None, "no trial has measured it");
+        assert_eq!(instead(&[(path, 100.0, false)], 1e-6), None, "it would have a larger error");
     }
 }
