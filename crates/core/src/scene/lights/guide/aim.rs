@@ -95,8 +95,8 @@ impl Guide {
     }
 }
 
-/// Numbers that fill the unit cube evenly, [`RAYS`] of them: Sobol points. Each pair of sides has to
-/// be filled evenly, or a box of it without rays looks empty.
+/// Numbers that fill the unit cube evenly, [`RAYS`] of them: Sobol points. Each pair of sides has
+/// to be filled evenly, or a box of it without rays looks empty.
 fn even_numbers() -> Vec<PrimarySample> {
     let set = ScrambledSobol::new(StreamKey::new(0, Stream::Aim, 0).rng(0));
     let unit = |bits: u32| f64::from(bits) / f64::powi(2.0, 32);
