@@ -76,7 +76,7 @@ fn cached_light_is_that_of_full_paths() {
     for (name, scene) in scenes() {
         let accel = accel(&scene);
         let path = Settings { strategy: Strategy::Path, camera_paths: 32, ..gathering(16) };
-        let full = mean_luminance(&scene, &accel, path, 150);
+        let full = mean_luminance(&scene, &accel, path, 60);
         let short = mean_luminance(&scene, &accel, gathering(16), 150);
         println!("{name}: {full:?}, cached {short:?}");
         let error = full.error.hypot(short.error);
@@ -113,7 +113,7 @@ fn suffix_paths_tell_what_a_bad_cache_adds() {
     for (name, scene) in scenes() {
         let accel = accel(&scene);
         let path = Settings { strategy: Strategy::Path, camera_paths: 32, ..gathering(16) };
-        let full = mean_luminance(&scene, &accel, path, 300);
+        let full = mean_luminance(&scene, &accel, path, 100);
         // The shortest segment that ends at a cache is shorter than most.
         let bad = Settings { radius: 0.18, light_paths: 8000, ..gathering(16) };
         let [mean, bias] = mean_and_bias(&scene, bad, 100);

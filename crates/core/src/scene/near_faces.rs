@@ -123,7 +123,7 @@ mod tests {
             let glass = Material::new("glass", Bsdf::Dielectric(Dielectric::new(1.5)));
             let materials = vec![glass, Material::new("other", bsdf)];
             let meshes = vec![face(1.0, 0), face(1.0 + gap, 1)];
-            let own = Scene::new("two".into(), meshes, materials, vec![], camera.clone(), vec![]);
+            let own = Scene::new("two".into(), meshes, materials, vec![], camera, vec![]);
             let own = own.unwrap();
             let accel = backend::build(Backend::Bvh, &own).unwrap();
             own.near_faces(&*accel)
