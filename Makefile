@@ -3,6 +3,9 @@
 CARGO ?= cargo
 SCENE ?= cornell-box
 FLAGS = --locked
+# Packages that are built together share the features of their dependencies. `--package bdpm` alone would build all crates
+# a second time, without their feature `default`.
+ALL = --workspace --exclude bdpm-python
 
 .PHONY: setup denoiser mpi build demo docs test check check-long bench memcheck check-package check-python check-notebooks wheel check-report check-mitsuba check-sizes blender check-blender
 
@@ -37,28 +40,29 @@ docs: setup
 # package is checked by `make check-python`.
 test: setup denoiser
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy $(FLAGS) --workspace --exclude bdpm-python --all-targets -- -D warnings
-	$(CARGO) clippy $(FLAGS) --package bdpm --test check -- -D warnings
-	$(CARGO) test $(FLAGS) --workspace --exclude bdpm-python --tests
-	$(CARGO) test $(FLAGS) --workspace --exclude bdpm-python --doc
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace --exclude bdpm-python
+	$(CARGO) clippy $(FLAGS) $(ALL) --all-targets -- -D warnings
+	$(CARGO) clippy $(FLAGS) $(ALL) --test check -- -D warnings
+	$(CARGO) test $(FLAGS) $(ALL) --tests
+	$(CARGO) test $(FLAGS) $(ALL) --doc
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps $(ALL)
 
 # Long statistical tables, small scenes beside the renders of Mitsuba, briefly, the program without Embree, the library
 # alone, and renders by several processes. Each set of features is a build of its own, so the tests of the last two,
 # which are small, run with little optimization. Mitsuba is compared with the program that the tables have built.
 check: setup denoiser
-	$(CARGO) test $(FLAGS) --package bdpm --test check -- --skip report:: --skip page::
+	$(CARGO) test $(FLAGS) $(ALL) --test check -- --skip report:: --skip page::
 	BDPM=$${CARGO_TARGET_DIR:-target}/debug/bdpm SECONDS_EACH=0.6 RUNS=3 scripts/mitsuba-check.sh --elements
 	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --features cli -- -D warnings
 	$(CARGO) check $(FLAGS) --package bdpm --no-default-features --lib
-	CARGO_PROFILE_DEV_OPT_LEVEL=1 $(CARGO) test $(FLAGS) --package bdpm-accel --no-default-features
+	$(CARGO) test $(FLAGS) --package bdpm-accel --no-default-features \
+		--config 'profile.test.package.bdpm-accel.opt-level = 1'
 	CARGO=$(CARGO) scripts/check-ranks.sh
 	CARGO=$(CARGO) scripts/check-dependents.sh
 
 # Every test with `#[ignore]`, all of which are in tests/check (CONTRIBUTING.md lists them): 10 minutes and more on 2
 # cores. Run them every night, and after a change of an estimator or of its weights.
 check-long: setup
-	$(CARGO) test $(FLAGS) --package bdpm --test check -- --ignored
+	$(CARGO) test $(FLAGS) $(ALL) --test check -- --ignored
 
 # Small scenes beside the renders of Mitsuba, at length; skipped where Python or the wheel of Mitsuba is missing.
 check-mitsuba: build
@@ -102,6 +106,6 @@ check-package: setup
 
 # The pages of a short experiment of the paper and of a render, in a browser at the widths of phones and desktops.
 check-report: setup
-	$(CARGO) test $(FLAGS) --package bdpm --test check -- report:: page::
+	$(CARGO) test $(FLAGS) $(ALL) --test check -- report:: page::
 	scripts/check-report.sh out/report-quick
 	scripts/check-page.sh out/page

@@ -12,6 +12,9 @@ use bdpm::base::rng::{Stream, StreamKey};
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::Strategy;
 use bdpm::transport::camera_paths::{CameraPass, CameraPaths};
+use bdpm::transport::kernel::MergeKernel;
+use bdpm::transport::merge::{Merge, MergeOptions, MergeOutput};
+use bdpm::transport::photon_map::PhotonMap;
 use bdpm::transport::suffix_cache::{SuffixCache, SuffixRecord, SuffixRecorder};
 use bdpm::{Scene, Settings};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
@@ -45,6 +48,9 @@ fn records(pass: &CameraPass) -> Vec<SuffixRecord> {
     paths.suffixes = Some(SuffixRecorder::default());
     let (mut all, mut first) = (Vec::new(), 0);
     let mut ids = subject::ids(pass.settings);
+    // There are no photons.
+    let (map, mut output) = (PhotonMap::default(), MergeOutput::default());
+    let merge = Merge::new(&map, 2, MergeKernel::disc(1.0), MergeOptions::default());
     loop {
         paths.clear();
         paths.trace(pass, ids.by_ref().take(CameraPaths::BATCH));
@@ -52,7 +58,7 @@ fn records(pass: &CameraPass) -> Vec<SuffixRecord> {
             return all;
         }
         let own = |own: SuffixRecord| SuffixRecord { path: own.path + first, ..own };
-        all.extend(paths.end_suffixes().into_iter().map(own));
+        all.extend(paths.end_suffixes((&merge, 1.0), &mut output).into_iter().map(own));
         first += paths.direct.len() as u32;
     }
 }

@@ -6,14 +6,14 @@
 //! ```
 //!
 //! - The *reference* and the error: `examples/references`.
-//! - The *grid* is all strategies, path tracing among them, at radii over 16-fold, both kernels at
-//!   the scene's radius, and caustic radii of a quarter and of all of it. Each is rendered for
-//!   [`MEASURED`] seconds at counts that the program chooses for it (docs/measurements/optimum.md:
-//!   what these lose). Its squared error less its noise is its squared bias; its noise falls with
-//!   the time.
+//! - The *grid* is all strategies at radii over 16-fold, both kernels at the scene's radius, and
+//!   caustic radii of a quarter and of all of it; path tracing and the cache without radii, and
+//!   both with photons of caustics at caustic radii over 16-fold. Each is rendered for [`MEASURED`]
+//!   seconds at counts that the program chooses for it (docs/measurements/optimum.md: what these
+//!   lose). Its squared error less its noise is its squared bias; its noise falls with the time.
 //! - The three that should have the least error after the time are rendered, in turn with renders
 //!   without options, each with [`SEEDS`]. The regret is the root mean square of the latter's
-//!   errors over that of the best of the three.
+//!   errors over that of the best of the three, and that of the worst seed.
 //!
 //! A line before it has the least error of each strategy of the grid, and of discs.
 //!
@@ -35,7 +35,7 @@ const RADII: [f32; 5] = [4.0, 2.0, 1.0, 0.5, 0.25];
 /// Caustic radii over these.
 const CAUSTICS: [f32; 2] = [1.0, 0.25];
 /// Seeds of the renders that are compared.
-const SEEDS: [u64; 2] = [1, 2];
+const SEEDS: [u64; 3] = [1, 2, 3];
 /// Number of techniques of the grid that are rendered in full.
 const FINALISTS: usize = 3;
 
@@ -93,7 +93,14 @@ fn places(subject: &Subject) -> Vec<Place> {
     }
     // Radii do not matter without photons. Point lights in glass are then missing, which the bias
     // tells.
-    all.push(place((Strategy::Path, 2, Direct::Connect), Kernel::Area, 1.0, 1.0));
+    for strategy in [Strategy::Path, Strategy::Gather] {
+        all.push(place((strategy, 2, Direct::Connect), Kernel::Area, 1.0, 1.0));
+    }
+    for strategy in [Strategy::PathCaustics, Strategy::GatherCaustics] {
+        for caustics in RADII {
+            all.push(place((strategy, 2, Direct::Connect), Kernel::Area, 1.0, caustics));
+        }
+    }
     all
 }
 
@@ -151,18 +158,21 @@ fn compare(
             })
         };
         println!(
-            "strategies | {scene} | {side} | {seconds} s | {} | {} | {} | {} | {} | {} | {} |",
+            "strategies | {scene} | {side} | {seconds} s | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |",
             area(Strategy::Single, 1, Direct::Connect),
             area(Strategy::Single, 1, Direct::PhotonMap),
             area(Strategy::Single, 2, Direct::Connect),
             area(Strategy::Mis, 2, Direct::Connect),
             area(Strategy::CutMis, 2, Direct::Connect),
             area(Strategy::Path, 2, Direct::Connect),
+            area(Strategy::PathCaustics, 2, Direct::Connect),
+            area(Strategy::Gather, 2, Direct::Connect),
+            area(Strategy::GatherCaustics, 2, Direct::Connect),
             least(&|place| place.technique.kernel == Kernel::Disc),
         );
         best.truncate(FINALISTS);
         let mut squares = vec![0.0; best.len() + 1];
-        let mut promises = Vec::new();
+        let (mut promises, mut worst) = (Vec::new(), 0.0f64);
         let mut own = None;
         for seed in SEEDS {
             let settings = Settings { seed, ..subject.settings.clone() };
@@ -170,6 +180,7 @@ fn compare(
             let automatic: Run = subject
                 .kept(&key, || run(subject, reference, settings, FreeParameters::ALL, seconds))?;
             squares[best.len()] += automatic.square;
+            worst = worst.max(automatic.square);
             promises.extend(automatic.promised.map(|error| error / automatic.square.sqrt()));
             own = Some(automatic.what);
             for (index, (place, _)) in best.iter().enumerate() {
@@ -192,8 +203,9 @@ fn compare(
             format!("{}, {radius:.3}, {caustic_radius:.3}", technique.describe())
         };
         println!(
-            "| {scene} | {side} | {seconds} s | {:.2} | {:.2} % | {:.2} % | {} | {} | {} |",
+            "| {scene} | {side} | {seconds} s | {:.2} | {:.2} | {:.2} % | {:.2} % | {} | {} | {} |",
             mine / least,
+            worst.sqrt() / least,
             100.0 * mine,
             100.0 * least,
             promises.iter().map(|p| format!("{p:.2}")).collect::<Vec<_>>().join(", "),

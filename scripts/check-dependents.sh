@@ -50,7 +50,7 @@ fn main() {
 END
 cat >>"$work/Cargo.toml" <<END
 [profile.dev]
-opt-level = 1
+opt-level = 0
 debug = false
 END
 cp "$root/Cargo.lock" "$work/Cargo.lock"

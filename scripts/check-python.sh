@@ -11,8 +11,8 @@ target=${CARGO_TARGET_DIR:-$root/target}
 python_venv check numpy pytest==9.2.0 mypy==2.4.1 typing_extensions
 
 cd "$root"
-# With a test of bdpm, its dependencies have the features of `make test`, so that the library is not compiled again.
-packages=(--locked --package bdpm --package bdpm-python --lib --bins --test memory)
+# All packages with a test of bdpm: dependencies have the features of `make test`, so that nothing is compiled again.
+packages=(--locked --workspace --lib --bins --test memory)
 "$cargo" clippy "${packages[@]}" -- -D warnings
 "$cargo" build "${packages[@]}"
 

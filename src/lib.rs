@@ -15,7 +15,8 @@ pub use bdpm_import as import;
 pub use bdpm_job::mpi;
 #[doc(inline)]
 pub use bdpm_job::{
-    Event, MeasureJob, Measurement, RenderJob, RenderResult, job, judge, measurement, output,
+    Event, MeasureJob, Measurement, RenderJob, RenderResult, daylight, job, judge, measurement,
+    output,
 };
 #[doc(inline)]
 pub use bdpm_light as light;

@@ -51,7 +51,9 @@ class Settings(TypedDict, total=False):
     bias: Literal["keep", "reduce"]
     kernel: Literal["area", "disc"]
     merge_vertex: int
-    strategy: Literal["single", "mis", "cut-mis", "path", "gather"]
+    strategy: Literal[
+        "single", "mis", "cut-mis", "path", "path-caustics", "gather", "gather-caustics"
+    ]
     guide: int
     sobol_set: int
     splitting: int

@@ -78,7 +78,8 @@ def render(
     - `radius`, `caustic_radius`: scene units, or text such as "0.5%" of the scene size.
     - `medium_scale`, `medium_query`, `wavelength_width`: merging in media and of wavelengths.
     - `bias`: "keep" or "reduce". `kernel`: "area" or "disc". `merge_vertex`: 1 or more.
-    - `strategy`: "single", "mis", "cut-mis", "path" or "gather". `direct`: "connect" or "photon-map".
+    - `strategy`: "single", "mis", "cut-mis", "path", "path-caustics", "gather" or
+      "gather-caustics". `direct`: "connect" or "photon-map".
     - `guide`, `light_visibility`, `direction_guide`: numbers of iterations, shadow rays and camera paths. `sobol_set`, `splitting`: of light paths.
     - `seed`: of all random numbers.
 

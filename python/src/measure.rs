@@ -6,7 +6,7 @@ use crate::settings;
 use crate::tables;
 use bdpm::MeasureJob;
 use bdpm::import::{parse_meters, read_meters};
-use bdpm::measurement::{Estimated, SetReadings, quantity};
+use bdpm::measurement::{Estimated, SetReadings};
 use bdpm::scene::MeterSet;
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
@@ -98,7 +98,7 @@ impl MeterReadings {
     /// "illuminance" or "luminance".
     #[getter]
     fn quantity(&self) -> &'static str {
-        quantity(self.set.kind)
+        self.set.quantity()
     }
 
     /// "lx" or "cd/m2".
@@ -255,8 +255,8 @@ const KEYWORDS: &[&str] =
 
 /// Measures illuminance and luminance at meters, and returns a `Measurement`.
 ///
-/// - `meters`: a .csv or .toml file, or a list of dictionaries with the keys of `[[meter]]` tables
-///   [default: the meters of the scene file].
+/// - `meters`: a .csv, .toml or .pts file, or a list of dictionaries with the keys of `[[meter]]`
+///   tables [default: the meters of the scene file].
 /// - `time`: time, seconds or text such as "2m".
 /// - `target_error`: expanded uncertainty over the value, 0.02 for 2 %
 ///   [default: 0.02, none with `time`].

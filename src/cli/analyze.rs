@@ -134,6 +134,8 @@ fn measure(args: &Args, input: &SceneInput) -> Result<RenderResult> {
         .job(&args.session)
         .measure_always(args.estimator)
         .at_least(MIN_ITERATIONS)
+        // The terms do not depend on the counts.
+        .fewer_camera_paths(args.session.scene.settings.camera_paths.is_none())
         .stop(stop)
         .interrupted_by(catch_interrupts(progress.clone())?);
     let result = job.run(|event| {

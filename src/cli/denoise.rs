@@ -1,12 +1,14 @@
 //! `bdpm denoise IMAGE`.
 
+use super::image_file_args::image_name;
 use super::outputs::{self, Attempts, Output};
 use super::preview;
+use super::settings_args::{QUALITY, word};
 use bdpm::base::error::{Error, Result};
 use bdpm::base::math::{Rgb, luminance};
 use bdpm::base::photometry::LUMENS_PER_WATT;
 use bdpm::image_io::{self, Image, Layer, NOISY};
-use bdpm::output::denoise::{Guides, Oidn};
+use bdpm::output::denoise::{Guides, Oidn, Quality, denoise_around};
 use glam::Vec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -14,11 +16,15 @@ use std::time::Instant;
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Denoise this EXR image; its layers albedo and normal guide the denoiser
+    /// Denoise this EXR image, guided by its layers albedo and normal; the layer emission is kept
     image: PathBuf,
     /// Write the result here, the raw image as `noisy` [default: IMAGE.denoised.exr]
-    #[arg(long, short, value_name = "OUT.exr")]
+    #[arg(long, short, value_name = "OUT.exr", value_parser = image_name)]
     output: Option<PathBuf>,
+    /// Denoise with this effort
+    #[arg(long, value_name = "QUALITY", default_value = "high")]
+    #[arg(value_parser = word::<Quality>(QUALITY))]
+    quality: Quality,
     /// Use this many threads [default: all processors]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -48,11 +54,19 @@ pub fn run(args: &Args) -> Result<String> {
     let png = preview::aside(&beside)?;
     let available = std::thread::available_parallelism().map_or(1, usize::from);
     let mut oidn = Oidn::new(args.threads.map_or(available, usize::from))?;
+    oidn.set_quality(args.quality);
     let start = Instant::now();
     let (radiance, guides) = inputs(&image).map_err(|e| e.at(&args.image))?;
     let size = (image.width, image.height);
-    let guides = oidn.prefilter(size, guides)?;
-    let pixels = oidn.denoise(size, &radiance, &guides)?;
+    let guides = match args.quality {
+        Quality::High => oidn.prefilter(size, guides)?,
+        Quality::Fast => guides,
+    };
+    // Light sources that pixels see are left as they are. Layers of this name in files of other
+    // programs, which have no metadata of this one, may be anything.
+    let emission = image.layer("emission").filter(|_| !image.metadata.is_empty());
+    let seen = emission.and_then(Layer::to_rgb).map_or(vec![], finite);
+    let pixels = denoise_around(&seen, &radiance, |rest| oidn.denoise(size, rest, &guides))?;
     let (seconds, guided) = (start.elapsed().as_secs_f64(), !guides.albedo.is_empty());
     replace(&mut image, &pixels);
     let mut attempts = Attempts::default();
@@ -65,11 +79,12 @@ pub fn run(args: &Args) -> Result<String> {
     Ok(if args.json { super::json(&report) } else { text(&report) })
 }
 
+fn finite(values: Vec<Vec3>) -> Vec<Vec3> {
+    values.into_iter().map(|value| if value.is_finite() { value } else { Vec3::ZERO }).collect()
+}
+
 /// The radiance, and the guides if the image has both albedo and normals.
 fn inputs(image: &Image) -> Result<(Vec<Vec3>, Guides)> {
-    let finite = |values: Vec<Vec3>| -> Vec<Vec3> {
-        values.into_iter().map(|value| if value.is_finite() { value } else { Vec3::ZERO }).collect()
-    };
     let radiance = image
         .raw()
         .and_then(Layer::to_rgb)

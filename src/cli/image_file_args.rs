@@ -2,7 +2,15 @@
 
 use super::settings_args::word;
 use bdpm::image_io::{ExrCompression, ExrFormat, ToneCurve, ToneMapping};
+use std::convert::Infallible;
 use std::path::{Path, PathBuf};
+
+/// The name of an EXR image that the user gives. A PNG name is that of its preview.
+pub fn image_name(name: &str) -> Result<PathBuf, Infallible> {
+    let path = PathBuf::from(name);
+    let is_png = path.extension().is_some_and(|own| own.eq_ignore_ascii_case("png"));
+    Ok(if is_png { path.with_extension("exr") } else { path })
+}
 
 /// Tone mapping of an 8-bit picture.
 #[derive(clap::Args)]

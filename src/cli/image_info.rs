@@ -1,9 +1,8 @@
 //! `bdpm info IMAGE.exr`: what an image states about itself. Its pixels are not read.
 
+use super::error_text::error_text;
 use super::json;
-use super::render_report::interval_text;
 use bdpm::Settings;
-use bdpm::adaptive::error_interval::ErrorInterval;
 use bdpm::base::error::{Error, Result};
 use bdpm::image_io::{ExrSummary, Metadata, NOISY, Value, read_exr_summary};
 use bdpm::load::counted;
@@ -218,16 +217,12 @@ impl Rows {
     /// The stated errors: that of the image before denoising, and that of its denoised layer.
     fn add_error(&mut self, origin: &Origin, layers: &[LayerReport]) {
         let percent = |share: f64| format!("{:.2} %", 100.0 * share);
-        let within = |interval: Option<ErrorInterval>| {
-            interval.as_ref().map_or(String::new(), interval_text)
-        };
         let has = |name: &str| layers.iter().any(|layer| layer.name == name);
         let (has_denoised, replaced) = (has("denoised"), has(NOISY));
         let error = match origin.error {
             Some(RecordedError { total, noise, bias, interval }) => format!(
-                "{}{}: noise {}, bias {}",
-                percent(total),
-                within(interval),
+                "{}: noise {}, bias {}",
+                error_text(total, interval.as_ref()),
                 percent(noise),
                 percent(bias)
             ),
@@ -237,7 +232,7 @@ impl Rows {
         self.add("relative error", format!("{error}{of}"));
         let denoised = match origin.denoised_error {
             Some(RecordedDenoisedError { total, interval }) => {
-                Some(format!("{}{}", percent(total), within(interval)))
+                Some(error_text(total, interval.as_ref()))
             }
             None if replaced => Some("not known: bdpm render --denoise estimates it".into()),
             None if has_denoised => {

@@ -7,10 +7,12 @@ mod analyze_text;
 mod calibrate;
 mod compare;
 mod convert;
+mod daylight;
 mod black_image;
 mod built_in_scene;
 mod denoise;
 mod dry_run;
+mod error_text;
 mod glare;
 mod glare_picture;
 mod goniometer;
@@ -79,6 +81,8 @@ enum Command {
     Render(Box<render::Args>),
     /// Measure illuminance and luminance at meters, with their uncertainty
     Measure(Box<measure::Args>),
+    /// Measure the daylight of a year at meters: autonomy, useful illuminance, sunlight
+    Daylight(Box<daylight::Args>),
     /// Merge the parts that `render --part` rendered on several machines
     Merge(merge::Args),
     /// Measure noise coefficients of a scene, which predict it at any path counts
@@ -181,6 +185,7 @@ pub fn run() -> ExitCode {
 fn run_other(command: Command) -> Result<String> {
     match command {
         Command::Render(_) | Command::Measure(_) => unreachable!("they have more than a text"),
+        Command::Daylight(args) => daylight::run(&args),
         Command::Merge(args) => merge::run(&args),
         Command::Analyze(args) => analyze::run(&args),
         Command::Predict(args) => predict::run(&args),
@@ -321,9 +326,15 @@ impl SceneArgs {
 
     /// Loads the scene.
     fn load(&self) -> Result<Loaded> {
+        self.load_under(None)
+    }
+
+    /// Loads the scene with this environment instead of its own or that of the arguments.
+    fn load_under(&self, environment: Option<&EnvironmentSource>) -> Result<Loaded> {
         let options = self.light.options(self.camera.as_deref(), self.strict);
-        let camera_change = self.camera_change.change();
-        load_with(&self.scene, &LoadOptions { camera_change, ..options })
+        let (camera_change, own) = (self.camera_change.change(), options.environment);
+        let environment = environment.or(own);
+        load_with(&self.scene, &LoadOptions { camera_change, environment, ..options })
     }
 }
 

@@ -1,7 +1,7 @@
 //! `bdpm render SCENE`: arguments -> [`RenderJob`] -> files and a report.
 
 use super::dry_run;
-use super::image_file_args::ImageFileArgs;
+use super::image_file_args::{ImageFileArgs, image_name};
 use super::interrupts::catch_interrupts;
 use super::layers::layer_parser;
 use super::progress::Progress;
@@ -39,10 +39,11 @@ pub struct Args {
     #[command(flatten)]
     pub session: SessionArgs,
     /// Render only W x H pixels from column X and row Y of the full resolution
-    #[arg(long, value_name = "X,Y,W,H", value_parser = parse_crop, allow_hyphen_values = true)]
+    #[arg(long, visible_alias = "region", value_name = "X,Y,W,H", value_parser = parse_crop)]
+    #[arg(allow_hyphen_values = true)]
     crop: Option<[u32; 4]>,
     /// Write the image here, and a PNG preview beside it [default: SCENE.exr]
-    #[arg(long, short, value_name = "OUT.exr")]
+    #[arg(long, short, value_name = "OUT.exr", value_parser = image_name)]
     output: Option<PathBuf>,
     #[command(flatten)]
     pub files: ImageFileArgs,

@@ -12,7 +12,7 @@ use bdpm::base::file_id::{FileId, folder};
 use bdpm::base::math::{Rgb, luminance};
 use bdpm::base::photometry::LUMENS_PER_WATT;
 use bdpm::image_io;
-use bdpm::image_io::{DisplayWindow, ExrFormat, Image, Layer, Metadata, ToneMapping, Value};
+use bdpm::image_io::{DisplayWindow, ExrFormat, Image, Layer, Metadata, NOISY, ToneMapping, Value};
 use bdpm::job::{AuditReport, RelativeError, RenderState, Verdict};
 use bdpm::light::false_color::{ColorScale, FalseColorMap, ValueGrid};
 use bdpm::output::denoise;
@@ -290,7 +290,9 @@ impl Writer {
         let window = crop.map(|Crop { origin, full }| DisplayWindow { origin, size: full });
         let format = ExrFormat { window, ..self.exr_format };
         let Outputs { exr, png, false_color, .. } = &self.outputs;
-        let rows = |rows| self.rows(sums, rows);
+        // The picture is what other programs show of the file.
+        let picture = denoised.filter(|own| !own.is_raw).map(|_| preview);
+        let rows = |rows| self.rows(sums, picture, rows);
         // The encoder of the preview has a single thread.
         let (written, shown) = rayon::join(
             || image_io::write_exr_rows(exr, &image, &rows, format),
@@ -304,20 +306,26 @@ impl Writer {
         self.time += start.elapsed();
     }
 
-    /// Some rows of the image and of the layers that are computed from its sums.
+    /// Some rows of the image and of the layers that are computed from its sums. A denoised
+    /// `picture` takes the place of the image, which is then a layer of its own.
     fn rows(
         &self,
         (combined, shared): (&CombinedImage, &SharedStatistics),
+        picture: Option<&[Rgb]>,
         rows: Range<u32>,
     ) -> Vec<Layer> {
         let pixels = combined.mean_rows(rows.clone());
-        let mut layers = vec![Layer::rgb("", &pixels)];
+        let width = combined.resolution().0 as usize;
+        let picture = picture.map(|all| &all[rows.start as usize * width..][..pixels.len()]);
+        let mut layers = vec![Layer::rgb("", picture.unwrap_or(&pixels))];
+        layers.extend(picture.map(|_| Layer::rgb(NOISY, &pixels)));
         if let Some(rms) = combined.rms_rows(rows.clone()) {
             layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
         }
         layers.extend(self.layers.layers(shared, combined, rows, &pixels));
         if self.outputs.false_color.is_some() {
-            let values = pixels.iter().map(|pixel| LUMENS_PER_WATT * luminance(*pixel)).collect();
+            let shown = picture.unwrap_or(&pixels);
+            let values = shown.iter().map(|pixel| LUMENS_PER_WATT * luminance(*pixel)).collect();
             layers.push(Layer { name: "luminance".into(), channels: vec![("Y".into(), values)] });
         }
         layers
@@ -337,7 +345,8 @@ impl Writer {
         let format = self.exr_format.for_pixels(state.provenance.settings.pixels());
         let sample =
             Image { width, height: rows, layers: Vec::new(), metadata: Default::default() };
-        let computed = |rows: Range<u32>| self.rows(sums, first + rows.start..first + rows.end);
+        let computed =
+            |rows: Range<u32>| self.rows(sums, None, first + rows.start..first + rows.end);
         let file = temporary(&folder(&self.outputs.exr));
         let file = file.map_err(|e| Error::io("write", &self.outputs.exr, e))?;
         let path = file.path();
@@ -354,6 +363,10 @@ impl Writer {
             let start = Instant::now();
             image_io::write_exr_rows(path, &sample, &computed, format)?;
             let exr = whole_time(start.elapsed(), fixed, (rows, height));
+            let channels = |layers: Vec<Layer>| layers.iter().map(|own| own.channels.len()).sum();
+            let known: usize = channels(computed(0..1));
+            let more = if state.denoising.is_some() { OF_DENOISED } else { 0 };
+            let exr = exr.mul_f64((known + more) as f64 / known as f64);
             Ok(exr + whole_time(preview(rows)?, fixed, (rows, height)))
         })
     }
@@ -375,6 +388,9 @@ fn write_luminance(path: &Path, (width, height): (u32, u32), pixels: &[Rgb]) -> 
 fn whole_time(part: Duration, fixed: Duration, (rows, height): (u32, u32)) -> Duration {
     part.saturating_sub(fixed).mul_f64(f64::from(height) / f64::from(rows)) + fixed.min(part)
 }
+
+/// Channels that a denoised picture adds to a file: the raw image, and the layer `denoised`.
+const OF_DENOISED: usize = 6;
 
 /// Lines per thread of the sample that [`Writer::estimate`] writes: two blocks of a ZIP file.
 const SAMPLE_LINES: u32 = 32;

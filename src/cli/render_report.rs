@@ -1,6 +1,7 @@
 //! Report of `bdpm render` at the end, as JSON and as text.
 
 use super::dry_run;
+use super::error_text::{error_text, interval_text};
 use super::human_time;
 use super::progress::Progress;
 use super::render::Args;
@@ -9,7 +10,6 @@ use super::run_report::{RunReport, Seconds};
 use super::scene_input::SceneInput;
 use bdpm::RenderResult;
 use bdpm::adaptive::autopilot::Promise;
-use bdpm::adaptive::error_interval::{COVERAGE, ErrorInterval};
 use bdpm::adaptive::stopping::StoppedBy;
 use bdpm::adaptive::technique::Selection;
 use bdpm::job::{
@@ -168,6 +168,9 @@ pub fn describe_counts(block: &Block, settings: &Settings) -> String {
 /// Path counts in words. Path tracing has no light paths, and a cache suffix paths instead.
 pub fn counts_text(settings: &Settings, light_paths: u32, camera_paths: &str) -> String {
     let light = match settings.strategy {
+        own if own.has_cache() && own.has_photons() => {
+            format!("{light_paths} suffix paths and as many light paths, ")
+        }
         own if own.has_cache() => format!("{light_paths} suffix paths, "),
         own if own.has_photons() => format!("{light_paths} light paths, "),
         _ => String::new(),
@@ -283,6 +286,9 @@ fn outlook(report: &RenderReport) -> String {
             }
         },
     };
+    if error == 0.0 {
+        return String::new(); // Noise hides it.
+    }
     format!("an error of {:.2} % would take about {}\n", 50.0 * error, time(factor))
 }
 
@@ -292,16 +298,14 @@ fn error(report: &RenderReport) -> String {
     let may_blur = report.run.settings.shares_light();
     match (report.error, report.rms.zip(report.relative_rms)) {
         (Some(RelativeError { total, noise, bias, interval }), _) if may_blur => format!(
-            "relative error {}{}: noise {}, {} {}\n",
-            percent(total),
-            interval.as_ref().map_or(String::new(), interval_text),
+            "relative error {}: noise {}, {} {}\n",
+            error_text(total, interval.as_ref()),
             percent(noise),
             bias_name(report),
             percent(bias)
         ),
         (Some(RelativeError { total, interval, .. }), _) => {
-            let interval = interval.as_ref().map_or(String::new(), interval_text);
-            format!("relative error {}{interval}, all of it noise\n", percent(total))
+            format!("relative error {}, all of it noise\n", error_text(total, interval.as_ref()))
         }
         (None, Some((rms, relative))) => format!("noise: {}\n", rms_text(rms, relative)),
         (None, None) => String::new(),
@@ -341,15 +345,6 @@ fn audit(report: &RenderReport, is_verbose: bool) -> String {
     text
 }
 
-/// The interval of an error in words.
-pub fn interval_text(interval: &ErrorInterval) -> String {
-    let ErrorInterval { low, high } = interval;
-    if high.is_infinite() {
-        return format!(" (at least {:.2} %)", 100.0 * low);
-    }
-    format!(" ({:.0} %: {:.2} to {:.2} %)", 100.0 * COVERAGE, 100.0 * low, 100.0 * high)
-}
-
 /// Number of processes, and the share of the time that they spent on exchanging sums.
 fn processes(run: &RunReport) -> String {
     if run.ranks < 2 {
@@ -381,9 +376,8 @@ fn denoised(report: &DenoisedReport) -> String {
     };
     let percent = |squared: f64| 100.0 * squared.max(0.0).sqrt();
     let mut text = format!(
-        "denoised: relative error {:.2} %{}; {:.2} % of noise before denoising\n",
-        100.0 * report.total_error.unwrap_or(error.relative()),
-        report.interval.as_ref().map_or(String::new(), interval_text),
+        "denoised: relative error {}; {:.2} % of noise before denoising\n",
+        error_text(report.total_error.unwrap_or(error.relative()), report.interval.as_ref()),
         percent(error.raw),
     );
     if report.is_raw {

@@ -4,6 +4,7 @@ use super::progress::ProgressFormat;
 use super::{SceneArgs, positive_time, print_notes, say};
 use bdpm::accel::Intersect;
 use bdpm::base::error::Result;
+use bdpm::import::EnvironmentSource;
 use bdpm::job;
 use bdpm::load::Loaded;
 use bdpm::scene::backend;
@@ -48,9 +49,14 @@ pub struct SceneInput {
 impl SceneInput {
     /// Loads the scene, and prints its contents and the warnings about it.
     pub fn load(args: &SessionArgs) -> Result<Self> {
+        Self::load_under(args, None)
+    }
+
+    /// As [`Self::load`], with this environment instead of that of the scene.
+    pub fn load_under(args: &SessionArgs, environment: Option<&EnvironmentSource>) -> Result<Self> {
         let threads = Arc::new(job::thread_pool(args.threads.unwrap_or(0).into())?);
         let start = Instant::now();
-        let loaded = threads.install(|| args.scene.load())?;
+        let loaded = threads.install(|| args.scene.load_under(environment))?;
         let load_time = start.elapsed();
         if !args.quiet {
             say(&format!("read {}", loaded.summary));

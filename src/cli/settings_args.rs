@@ -130,11 +130,17 @@ const STRATEGY: Words = &[
     ("mis", "Merge at vertices 1 and 2, connect and hit lights, weighted"),
     ("cut-mis", "As mis, with camera paths that end at vertex 2"),
     ("path", "Trace camera paths only: connect and hit lights, weighted"),
+    ("path-caustics", "As path, with photons of caustics alone, merged at all vertices"),
     ("gather", "As path, but look light up at the merge vertex, where full paths left it"),
+    ("gather-caustics", "As gather, with photons of caustics"),
 ];
 const DIRECT: Words = &[
     ("connect", "Shadow ray from each diffuse vertex of the camera path"),
     ("photon-map", "Photon map, as for indirect light"),
+];
+pub const QUALITY: Words = &[
+    ("fast", "The small network, guided by noisy albedo and normals"),
+    ("high", "The large network, guided by denoised albedo and normals: 14 times as long"),
 ];
 pub const OBJECTIVE: Words = &[
     ("relative", "Variance relative to squared luminance: dark parts count as much as bright ones"),
@@ -178,6 +184,7 @@ mod tests {
     use super::*;
     use bdpm::adaptive::optimize::Objective;
     use bdpm::noise::Measure;
+    use bdpm::output::denoise::Quality;
     use serde::Serialize;
 
     #[test]
@@ -202,6 +209,7 @@ mod tests {
         check::<Strategy>(STRATEGY);
         check::<Direct>(DIRECT);
         check::<Objective>(OBJECTIVE);
+        check::<Quality>(QUALITY);
         check::<Measure>(ESTIMATOR);
     }
 }

@@ -40,7 +40,7 @@ pub struct Args {
 /// Name of the image itself for `--layer`, which has the empty name in files.
 const IMAGE: &str = "image";
 
-/// Layer of the image that `--denoise` adds beside the raw one.
+/// Layer of the denoised image.
 const DENOISED: &str = "denoised";
 
 #[derive(Serialize)]

@@ -61,6 +61,7 @@ fn errors_of_caustics_match_references() {
 }
 
 #[test]
+#[ignore = "takes minutes: make check-long"]
 fn errors_of_all_materials_match_references() {
     // One seed alone has .37 to .62.
     check("materials", 4000, 1, 1..=4);

@@ -17,29 +17,43 @@ fn diffuse_walls_in_a_furnace_have_its_radiance() {
     assert_furnace("walls", &scene, 0.0, (40, 4e-3), (&WAYS, &WEIGHTINGS));
 }
 
+/// Each of three weightings and each way of direct light with it. `make check-long` has all pairs.
+const SOME: [(&[Way], &[Weighting]); 2] =
+    [(&[WAYS[0]], &FIRST), (&[WAYS[1], WAYS[2]], &[FIRST[0]])];
+const FIRST: [Weighting; 3] = [WEIGHTINGS[0], WEIGHTINGS[1], WEIGHTINGS[2]];
+
 #[test]
 fn smooth_objects_in_a_furnace_have_its_radiance() {
-    assert_furnace("smooth", &smooth_things(), 0.0, (80, 4e-3), (&WAYS, &WEIGHTINGS[..3]));
+    SOME.iter().for_each(|pairs| assert_smooth(*pairs));
 }
 
 #[test]
 fn rough_objects_in_a_furnace_have_its_radiance() {
+    SOME.iter().for_each(|pairs| assert_rough(*pairs));
+}
+
+#[test]
+#[ignore = "takes minutes: make check-long"]
+fn smooth_and_rough_objects_in_a_furnace_by_all_ways() {
+    assert_smooth((&WAYS, &FIRST));
+    assert_rough((&WAYS, &FIRST));
+}
+
+fn assert_smooth(pairs: (&[Way], &[Weighting])) {
+    assert_furnace("smooth", &smooth_things(), 0.0, (80, 4e-3), pairs);
+}
+
+fn assert_rough(pairs: (&[Way], &[Weighting])) {
     let bsdfs = [
         white_metal(0.15),
         white_metal(0.6),
         Bsdf::Glossy(Glossy::new(Vec3::ONE, 0.3, 1.5, 0.2)),
         Bsdf::Glossy(Glossy::new(Vec3::ONE, 0.5, 1.5, 0.5)),
     ];
-    assert_furnace("rough", &furnace(&bsdfs, false), 1e-3, (80, 6e-3), (&WAYS, &WEIGHTINGS[..3]));
+    assert_furnace("rough", &furnace(&bsdfs, false), 1e-3, (80, 6e-3), pairs);
     // Single scattering loses a little.
     let glass = [Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.05))];
-    assert_furnace(
-        "rough glass",
-        &furnace(&glass, false),
-        2e-3,
-        (80, 6e-3),
-        (&WAYS, &WEIGHTINGS[..3]),
-    );
+    assert_furnace("rough glass", &furnace(&glass, false), 2e-3, (80, 6e-3), pairs);
 }
 
 /// Walls under a coat, between which light paths choose to be mirrored and camera paths are, too,

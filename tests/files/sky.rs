@@ -220,7 +220,7 @@ fn wrong_skies_are_refused_with_advice() {
         ("sun_direction = [1, 1, 0]\nturbidity = 11", "`turbidity` is 11"),
         ("sun_direction = [1, 1, 0]\ndiffuse = 11", "no meaning for this model"),
         ("sun_direction = [1, 1, 0]\nmodel = 'cie'\ndiffuse = 1", "needs `cie_type`"),
-        ("sun_direction = [1, 1, 0]\nmodel = 'cie'\ndiffuse = 1\ncie_type = 16", "type 16"),
+        ("sun_direction = [1, 1, 0]\nmodel = 'cie'\ndiffuse = 1\ncie_type = 17", "type 17"),
         (
             "sun_direction = [1, 1, 0]\nmodel = 'perez'\ndiffuse = 1\ndirect = 1e4",
             "no sky of Perez",

@@ -292,6 +292,23 @@ fn every_type_of_material_is_parsed() {
     }
 }
 
+/// Clear glass of the index 1.5 transmits .96/1.04 at normal incidence, with all its reflections.
+#[test]
+fn glazing_transmits_what_its_data_say() {
+    let keys = "[materials.m]\ntype = 'thin-dielectric'\nvisible_transmittance =";
+    let (read, warnings) = bsdf("", &format!("{keys} 0.6\n"), "m");
+    let Bsdf::ThinDielectric(sheet) = read else { panic!("{read:?}") };
+    assert!(warnings.is_empty() && (sheet.shares(1.0)[0] - 0.6).abs().max_element() < 1e-6);
+    for (more, problem) in [("0.95", "transmits 0.923"), ("0.6\ntransmittance = 1", "has both")] {
+        let camera = "[camera]\nposition = [0, 0, 1]\ntarget = [0, 0, 0]\nfov_x_deg = 60\n";
+        let scene = format!("{camera}[[mesh]]\nfile = 'a.obj'\nmaterial = 'm'\n{keys} {more}\n");
+        let folder =
+            write(&[("scene.toml", &scene[..]), ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")]);
+        let error = load(folder.path()).unwrap_err().to_string();
+        assert!(error.contains(problem) && error.contains("scene.toml:"), "{error}");
+    }
+}
+
 #[test]
 fn mtl_records_convert_as_documented() {
     let half = Vec3::splat(0.5);

@@ -111,7 +111,7 @@ fn interrupt_in_the_first_iteration_ends_the_program_at_once() {
 fn a_second_interrupt_ends_the_program_at_once() {
     let (_folder, at) = folder();
     // Iterations take several times as long as two interrupts.
-    let mut child = slow(&at("a.exr"), "3000").spawn().unwrap();
+    let mut child = slow(&at("a.exr"), "5000").spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
     wait_for(&mut lines, "iteration 1");
     interrupt(&child);

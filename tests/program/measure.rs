@@ -131,7 +131,7 @@ fn bad_meters_are_refused_with_their_line() {
     let toml = |keys: &str| at("a.toml", &format!("[[meter]]\n{keys}"));
     refused(&toml("position = [0, 0, 0]\n"), "a.toml:1: the meter measures neither", "`normal`");
     refused(&toml("name = \"a\"\n"), "neither a point nor a grid", "`position`");
-    refused(&toml("corner = [0, 0, 0]\n"), "the grid of meters is not complete", "`columns`");
+    refused(&toml("corner = [0, 0, 0]\n"), "the grid of meters is not complete", "`edges");
     refused(&toml("position = [0, 0, 0]\nnormal = [0, 0, 0]\n"), "faces", "not zero");
     refused(&at("a.csv", "name,x\n"), "the columns are", "name,x,y,z");
     refused(&at("a.txt", ""), "neither a .csv nor a .toml", ".csv");

@@ -3,6 +3,7 @@
 mod audit;
 mod automatic;
 mod combinations;
+mod daylight;
 mod denoise;
 mod glare;
 mod goniometer;

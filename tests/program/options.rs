@@ -51,6 +51,18 @@ fn default_output_is_named_after_the_scene_in_the_current_folder() {
     assert_eq!(fs::read(at("room.exr")).unwrap(), before);
 }
 
+/// A picture's name stands for the image beside it, and a region is a crop.
+#[test]
+fn pictures_and_regions_are_named_as_elsewhere() {
+    let (folder, at) = folder();
+    let own = ["--iterations", "1", "--region", "2,3,8,6", "--output", "box.png", "--json"];
+    let report = json(&succeed(render(folder.path(), &own)));
+    assert_eq!((&report["exr"], &report["png"]), (&"box.exr".into(), &"box.png".into()));
+    assert_eq!(names(&folder), ["box.exr", "box.png"]);
+    let image = read_exr(&at("box.exr")).unwrap();
+    assert_eq!((image.width, image.height), (8, 6));
+}
+
 /// Only commands that have the option name it.
 #[test]
 fn notes_about_the_default_camera_name_the_option_that_places_it() {
@@ -415,7 +427,7 @@ fn completions_and_manual_pages_cover_all_commands() {
     let pages = fs::read_dir(at("man/one")).unwrap();
     let pages: Vec<_> = pages.map(|entry| entry.unwrap().path()).collect();
     assert_eq!(text(&printed.stdout).lines().count(), pages.len());
-    assert_eq!(pages.len(), 18);
+    assert_eq!(pages.len(), 19);
     for page in &pages {
         let text = fs::read_to_string(page).unwrap();
         assert!(text.contains(".TH") && text.contains("SYNOPSIS"), "{}", page.display());

@@ -115,8 +115,8 @@ fn white_sheets_in_a_furnace_have_its_radiance() {
         let name = if normals { "smooth sheets" } else { "sheets" };
         // Interpolated normals of a ball send some light below its facets: it is lost.
         let loss = if normals { 5e-3 } else { 0.0 };
-        assert_furnace(name, &scene, loss, (40, 6e-3), (&WAYS[1..], &WEIGHTINGS[..2]));
-        assert_furnace(name, &scene, loss, (40, 6e-3), (&WAYS[..1], &WEIGHTINGS[4..]));
+        assert_furnace(name, &scene, loss, (28, 6e-3), (&WAYS[1..], &WEIGHTINGS[..2]));
+        assert_furnace(name, &scene, loss, (28, 6e-3), (&WAYS[..1], &WEIGHTINGS[4..]));
     }
 }
 

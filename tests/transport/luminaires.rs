@@ -47,7 +47,7 @@ fn assert_radiance(
             caustic_radius: 0.05,
             ..settings(4, 4)
         };
-        let iterations = if direct == Direct::Connect { 50 } else { 400 };
+        let iterations = if direct == Direct::Connect { 50 } else { 200 };
         let mean = mean_luminance(&scene, &accel(&scene), settings, iterations);
         let expected = f64::from(ALBEDO) / PI * irradiance;
         println!("{direct:?} {at}: {mean:?}, {expected}");
@@ -131,14 +131,14 @@ fn a_room_with_luminaires_is_the_same_by_every_strategy() {
     };
     // Path tracing hits the openings and connects to them, weighted, and has no bias.
     let path = Settings { strategy: Strategy::Path, merge_vertex: 2, ..base.clone() };
-    let expected = mean_luminance(&scene, &accel, Settings { camera_paths: 256, ..path }, 30);
+    let expected = mean_luminance(&scene, &accel, Settings { camera_paths: 256, ..path }, 20);
     println!("{expected:?}");
     assert!(expected.error < 0.01 * expected.mean, "{expected:?} says little");
     let guided = [(Direct::Connect, MIS, 16), (Direct::PhotonMap, 1, 16)];
     let plain = ALL.map(|(direct, merge_vertex)| (direct, merge_vertex, 0));
     for (direct, merge_vertex, guide) in plain.into_iter().chain(guided) {
         let settings = by_way(Settings { direct, merge_vertex, guide, ..base.clone() });
-        let found = mean_luminance(&scene, &accel, settings, 40);
+        let found = mean_luminance(&scene, &accel, settings, 24);
         let error = found.error.hypot(expected.error);
         let off = found.mean - expected.mean;
         println!("{direct:?} k = {merge_vertex}, guide {guide}: {found:?}, off by {off}");

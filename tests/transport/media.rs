@@ -140,7 +140,7 @@ fn point_light_in_an_unbounded_medium_is_scattered_once() {
             seed: 5,
             ..settings(SIDE, SIDE)
         };
-        for (name, Estimate { mean, error }) in means(&scene, &settings, 40) {
+        for (name, Estimate { mean, error }) in means(&scene, &settings, 20) {
             println!("g = {g}, {name}: {mean:.4e} +- {error:.1e}, {expected:.4e}");
             // Direct light from photons is noisy so near to the light source.
             let most = if name.starts_with("Photon") { 0.04 } else { 0.01 };
@@ -172,7 +172,7 @@ fn lossless_medium_is_invisible_in_a_furnace() {
             seed: 2,
             ..settings(SIDE, SIDE)
         };
-        for (name, Estimate { mean, error }) in means(&scene, &settings, 24) {
+        for (name, Estimate { mean, error }) in means(&scene, &settings, 12) {
             println!("{bsdf:?} {name}: {mean:.4} +- {error:.4}");
             assert!(error < 0.01, "says little: {name}");
             // The boundary of the ball is flat only by triangle.
@@ -219,7 +219,7 @@ fn all_strategies_make_the_image_of_the_path_tracer() {
     };
     let path = Settings { strategy: Strategy::Path, merge_vertex: 2, ..base.clone() };
     let subject = |settings| Subject { scene, accel, settings, region: &[] };
-    let expected = subject(&base).traced(16_384);
+    let expected = subject(&base).traced(8192);
     let mut ways = vec![path];
     for (direct, merge_vertex, medium_query) in merging() {
         ways.push(Settings { direct, merge_vertex, medium_query, ..base.clone() });
@@ -227,8 +227,8 @@ fn all_strategies_make_the_image_of_the_path_tracer() {
     for settings in &ways {
         let of = subject(settings);
         let found = match settings.strategy {
-            Strategy::Path => of.rendered(Settings { camera_paths: 128, ..settings.clone() }, 32),
-            _ => of.extrapolated(32),
+            Strategy::Path => of.rendered(Settings { camera_paths: 128, ..settings.clone() }, 20),
+            _ => of.extrapolated(20),
         };
         let difference = found.against(&expected);
         let Settings { strategy, direct, merge_vertex, medium_query, .. } = *settings;

@@ -147,7 +147,7 @@ fn meters_agree_with_a_path_tracer_by_all_strategies() {
         let accel = accel(scene);
         let traced_settings = &Settings { seed: 8, ..settings(points.len() as u32, 1) };
         let traced = Subject { scene, accel: &accel, settings: traced_settings, region: &[] };
-        let expected = traced.traced(1 << 17);
+        let expected = traced.traced(1 << 16);
         let strategies: [(Direct, u32); 4] =
             [(Connect, 1), (Connect, 2), (PhotonMap, 1), (Connect, MIS)];
         for (direct, merge_vertex) in strategies {
@@ -162,7 +162,7 @@ fn meters_agree_with_a_path_tracer_by_all_strategies() {
                 ..settings(points.len() as u32, 1)
             });
             let subject = Subject { scene, accel: &accel, settings: &settings, region: &[] };
-            let difference = subject.extrapolated(30).against(&expected);
+            let difference = subject.extrapolated(20).against(&expected);
             let what = format!("{name} {direct:?} k = {merge_vertex}: {difference}");
             println!("{what}");
             let Difference { off, error, z2, .. } = difference;

@@ -10,6 +10,7 @@ mod backends_render;
 mod bsdf;
 mod camera_batches;
 mod cameras;
+mod caustics;
 mod crop;
 mod diffuse_transmission;
 mod direction_guide;

@@ -125,6 +125,8 @@ pub struct Contents<'a> {
     pub filling_medium: Option<Arc<Medium>>,
     pub names: FileNames,
     pub may_lack_light: bool,
+    /// +z is up for a camera that the file does not have, instead of +y.
+    pub is_z_up: bool,
 }
 
 /// Minimum memory of a triangle while a scene is read, bytes: its corners, a cache line for
@@ -274,7 +276,7 @@ impl Builder {
         let arrangement = self.arrange(path)?;
         let camera = match contents.camera {
             Some(camera) => camera,
-            None => whole_view::camera(&arrangement.bounds())?,
+            None => whole_view::camera(&arrangement.bounds(), contents.is_z_up)?,
         };
         let environment = match (options.environment, contents.environment) {
             (Some(source), own) => {

@@ -1,5 +1,5 @@
-//! Scene files: readers of TOML, OBJ, glTF, Mitsuba's XML and pbrt-v4, and a writer of a scene as a
-//! folder of TOML, OBJ and PNG.
+//! Scene files: readers of TOML, OBJ, glTF, Mitsuba's XML, pbrt-v4 and Radiance, and a writer of a
+//! scene as a folder of TOML, OBJ and PNG.
 //!
 //! A reader (`read`) fills a `builder` with meshes, materials and lights. What several formats have
 //! is written once: `look` (materials), `spectrum`, `shape`, `light`, `sensor`, `sky` and

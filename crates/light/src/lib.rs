@@ -20,3 +20,4 @@ pub mod polar_plot;
 pub mod sky;
 #[doc(hidden)] // public for the program
 pub mod step_blur;
+pub mod weather;

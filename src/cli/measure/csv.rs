@@ -48,7 +48,7 @@ const FORMULA: [char; 11] = ['=', '+', '-', '@', '\t', '\r', '\n', '＝', '＋',
 
 /// A name as a field that spreadsheets read as text. An apostrophe precedes names that begin like a
 /// formula. Characters that control a terminal or the direction of text are replaced.
-fn as_text(name: &str) -> String {
+pub fn as_text(name: &str) -> String {
     let shown: String = name.chars().map(visible).collect();
     if name.starts_with(FORMULA) { format!("'{shown}") } else { shown }
 }

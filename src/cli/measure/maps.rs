@@ -8,7 +8,7 @@ use bdpm::base::names::{Names, for_file};
 use bdpm::image_io::{Image, Layer, Value, write_exr};
 use bdpm::light::false_color::{ColorScale, FalseColorMap, ValueGrid};
 use bdpm::light::isolines::isolines_svg;
-use bdpm::measurement::{Reading, SetReadings, quantity};
+use bdpm::measurement::{Reading, SetReadings};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 
@@ -72,7 +72,7 @@ fn captions(set: &SetReadings) -> Vec<String> {
     let [low, high] = set.extremes().map(|extreme| extreme.value);
     let (unit, mean, uniformity) = (set.unit(), &set.mean, set.uniformity());
     vec![
-        format!("{} of {}", quantity(set.kind), set.name),
+        format!("{} of {}", set.quantity(), set.name),
         format!(
             "mean {:.places$} {unit} +- {} (95 %)",
             mean.value,

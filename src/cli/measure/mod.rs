@@ -3,7 +3,9 @@
 mod csv;
 mod digits;
 mod maps;
+mod evidence;
 mod page;
+mod record;
 mod report;
 mod text;
 
@@ -15,11 +17,14 @@ use super::scene_input::{SceneInput, SessionArgs};
 use super::settings_args::with_chosen_default;
 use super::{Output as Outcome, human_time, json, print, say};
 use bdpm::base::error::{Error, Result};
-use bdpm::import::read_meters;
+use bdpm::import::{EnvironmentSource, read_meters};
 use bdpm::measurement::MeasureProgress;
 use bdpm::scene::MeterSet;
 use bdpm::{MeasureJob, Measurement};
 use clap::Arg;
+pub use csv::as_text;
+pub use evidence::files_and_surfaces;
+pub use record::Record;
 use report::MeasureReport;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -30,6 +35,17 @@ const LINE_EVERY: Duration = Duration::from_secs(10);
 
 /// Time between two JSON objects about the progress.
 const OBJECT_EVERY: Duration = Duration::from_millis(500);
+
+/// Illuminance of the horizontal by the overcast sky of daylight factors, lx. They do not depend on
+/// it.
+const OUTDOORS: f64 = 10_000.0;
+
+/// The overcast sky of daylight factors: that of Moon and Spencer, the type 16 of the CIE, above a
+/// ground that reflects 20 %.
+fn overcast_sky() -> Result<EnvironmentSource> {
+    let keys = format!("model = 'cie', cie_type = 16, diffuse_lx = {OUTDOORS}, albedo = 0.2");
+    EnvironmentSource::sky(&keys)
+}
 
 /// Options for images, which a measurement does not have.
 const IMAGE_OPTIONS: [&str; 5] = ["resolution", "camera", "look_at", "fov", "camera_from"];
@@ -45,7 +61,7 @@ fn without_image_options(option: Arg) -> Arg {
 pub struct Args {
     #[command(flatten)]
     session: SessionArgs,
-    /// Measure the meters of this .csv or .toml file instead of those of the scene
+    /// Measure the meters of this .csv, .toml or .pts file instead of those of the scene
     #[arg(long, value_name = "FILE")]
     meters: Option<PathBuf>,
     /// Stop at this relative half-width of every 95 % interval [default: 2%]
@@ -57,6 +73,9 @@ pub struct Args {
     /// Measure the part of each light, material that emits, and the environment
     #[arg(long)]
     by_light: bool,
+    /// Measure daylight factors in percent: the light of an overcast sky alone, over that outdoors
+    #[arg(long, conflicts_with_all = ["environment", "sky", "by_light"])]
+    daylight_factor: bool,
     /// Write one row per meter to this file
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
@@ -66,6 +85,17 @@ pub struct Args {
     /// Write a page with tables and maps to this file
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
+}
+
+/// The scene and the meters.
+fn load(args: &Args) -> Result<(SceneInput, Vec<MeterSet>)> {
+    let overcast = args.daylight_factor.then(overcast_sky).transpose()?;
+    let input = SceneInput::load_under(&args.session, overcast.as_ref())?;
+    let sets = match &args.meters {
+        Some(path) => read_meters(path, &input.loaded.scene)?,
+        None => input.loaded.meters.clone(),
+    };
+    Ok((input, sets))
 }
 
 pub fn run(args: &Args) -> Result<Outcome> {
@@ -81,11 +111,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         files.extend(path.as_ref().map(|path| Output::new(what, path, Some(extension))));
     }
     outputs::check(&files)?;
-    let input = SceneInput::load(session)?;
-    let sets = match &args.meters {
-        Some(path) => read_meters(path, &input.loaded.scene)?,
-        None => input.loaded.meters.clone(),
-    };
+    let (input, sets) = load(args)?;
     let map_files = map_files(args.maps.as_deref(), &sets)?;
     files.extend(map_files.iter().map(|path| Output::new("--maps", path, None)));
     outputs::check(&files)?;
@@ -99,6 +125,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         .time(session.time)
         .means_only(args.mean)
         .by_light(args.by_light)
+        .daylight_factor(args.daylight_factor.then_some(OUTDOORS))
         .backend(session.scene.accel.unwrap_or_default())
         .threads(input.threads.clone())
         .interrupted_by(interrupted)
@@ -119,7 +146,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         attempts.add(path, || csv::write(path, &measurement));
     }
     if let Some(path) = &args.report {
-        attempts.add(path, || page::write(path, scene, &measurement));
+        attempts.add(path, || page::write(path, &input.loaded.scene, &measurement));
     }
     if let Some(folder) = &args.maps {
         maps::write(folder, &measurement, &mut attempts);

@@ -1,15 +1,19 @@
 //! A measurement as an HTML page without external resources.
 
 use super::digits::{digits, digits_of, uncertainty};
-use crate::cli::human_time;
+use super::evidence::evidence;
+use super::record::Record;
 use bdpm::Measurement;
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::Result;
-use bdpm::measurement::{Estimated, MeterPlace, Reading, SetReadings, quantity};
+use bdpm::light::false_color::{ColorScale, ValueGrid};
+use bdpm::light::isolines::isolines_svg;
+use bdpm::measurement::{Estimated, Judged, MeterPlace, Reading, SetReadings};
 use bdpm::report::number::fixed;
 use bdpm::report::picture::{Colors, Picture};
 use bdpm::report::{document, header, table};
-use maud::{Markup, html};
+use bdpm::scene::Scene;
+use maud::{Markup, PreEscaped, html};
 use std::path::Path;
 
 /// Grids are drawn with one pixel for each cell; the page scales them up without smoothing, to the
@@ -17,15 +21,27 @@ use std::path::Path;
 const STYLE: &str = "img{image-rendering:pixelated}\
     .picture{display:flex;flex-wrap:wrap;gap:.5rem 1.5rem;align-items:center}\
     .picture .pixels{flex:0 1 26rem}.picture .pixels img{width:100%;height:auto}\
-    .picture .scale{flex:0 1 16rem}.picture figcaption{flex:0 0 100%}";
+    .picture .scale{flex:0 1 16rem}.picture figcaption{flex:0 0 100%}\
+    .lines svg{width:100%;max-width:36rem;height:auto}.points td{line-height:1.2}\
+    code{overflow-wrap:anywhere}.files code{font-size:.8em}\
+    .signature{margin-top:3rem}.signature span{display:inline-block;width:60%;border-bottom:1px solid}\
+    @media print{h2,figure,tr{break-inside:avoid}h2{break-after:avoid}.scroll{overflow:visible}\
+    table{font-size:.75em}}";
+
+/// Grids with more columns or points do not fit on paper.
+const MOST_COLUMNS: usize = 16;
+const MOST_POINTS: usize = 320;
+
+/// Width of the cells of isolines, units of their picture.
+const CELL: f64 = 40.0;
 
 /// Writes the page.
-pub fn write(path: &Path, scene: &str, measurement: &Measurement) -> Result<()> {
-    let page = page(scene, measurement).into_string();
+pub fn write(path: &Path, scene: &Scene, measurement: &Measurement) -> Result<()> {
+    let page = page(&scene.name, measurement, &Record::new(scene)?).into_string();
     write_atomically(path, |file| file.write_all(page.as_bytes()))
 }
 
-fn page(scene: &str, measurement: &Measurement) -> Markup {
+fn page(scene: &str, measurement: &Measurement, record: &Record) -> Markup {
     let body = html! {
         main {
             h1 { "Light in " (scene) }
@@ -34,19 +50,48 @@ fn page(scene: &str, measurement: &Measurement) -> Markup {
                 "The noise is one standard deviation. The bias is a bound."
             }
             @for warning in &measurement.warnings { p { strong { "Note: " } (warning) "." } }
+            (requirements(measurement))
             (readings(measurement))
             @for set in measurement.sets.iter().filter(|set| set.readings.len() > 1) {
                 (maps(set))
+                (points(set))
             }
-            h2 { "Computation" }
-            ul { @for technique in &measurement.techniques { li { (technique) } } }
-            p {
-                (human_time(measurement.time.as_secs_f64())) " by bdpm " (env!("CARGO_PKG_VERSION")) "."
-                @if !measurement.reached { " The target was not reached." }
-            }
+            (evidence(measurement, record))
+            p .signature { "Name, place and date: " span {} }
         }
     };
     document(&format!("Light in {scene}"), STYLE, &html! {}, &body)
+}
+
+/// One row per requirement; nothing if there is none.
+fn requirements(measurement: &Measurement) -> Markup {
+    let of_set = |set: &SetReadings| -> Vec<Markup> {
+        set.judged().iter().map(|own| requirement(set, own)).collect()
+    };
+    let all: Vec<Markup> = measurement.sets.iter().flat_map(of_set).collect();
+    let names = ["*meters", "*requirement", "least", "found", "uncertainty", "*verdict"];
+    let rows = html! { (header(&names)) tbody { @for row in &all { (row) } } };
+    html! {
+        @if !all.is_empty() {
+            (table("requirements", &html! { "Requirements, decided by intervals of 95 %" }, &rows))
+        }
+    }
+}
+
+fn requirement(set: &SetReadings, own: &Judged) -> Markup {
+    let Judged { what, unit, required, found, verdict } = own;
+    let digits = if unit.is_empty() { 3 } else { digits_of(found.expanded) };
+    let factor = (!unit.is_empty()).then(|| set.maintenance_factor()).flatten();
+    html! {
+        tr {
+            td .text { (set.name) }
+            td .text { (what) @if let Some(factor) = factor { ", factor " (factor) } }
+            td { (required) " " (unit) }
+            td { (uncertainty(found.value, digits)) " " (unit) }
+            td { (half_width(found.expanded, digits)) }
+            td .text { strong { (verdict.describe()) } }
+        }
+    }
 }
 
 /// One row per single meter, rows for mean, minimum and maximum of grids, and rows for groups of
@@ -165,7 +210,7 @@ fn maps(set: &SetReadings) -> Markup {
         _ => f64::NAN,
     };
     let relative: Vec<f64> = set.readings.iter().map(of_one).collect();
-    let quantity = quantity(set.kind);
+    let quantity = set.quantity();
     let alt = format!("{quantity} of {}", set.name);
     html! {
         h2 { (set.name) }
@@ -175,5 +220,52 @@ fn maps(set: &SetReadings) -> Markup {
         (map("uncertainty", "uncertainty of each meter", &relative, "%").figure(&[], &html! {
             "Half of the width of the 95 % interval, relative."
         }))
+        (lines(set))
+    }
+}
+
+/// Isolines of a grid; nothing for a single row or column.
+fn lines(set: &SetReadings) -> Markup {
+    let [columns, rows] = set.grid;
+    let values: Vec<f64> = set.readings.iter().map(|reading| reading.value).collect();
+    let grid = ValueGrid::new(columns, rows, &values);
+    let svg = isolines_svg(grid, &ColorScale::linear(grid).ticks(), set.unit(), CELL);
+    // Within a page the name space is known, and pages name no address.
+    let svg = svg.replacen(" xmlns=\"http://www.w3.org/2000/svg\"", "", 1);
+    html! {
+        @if columns > 1 && rows > 1 {
+            figure .lines {
+                (PreEscaped(svg))
+                figcaption { "Lines of equal " (set.quantity()) "." }
+            }
+        }
+    }
+}
+
+/// The readings of all points of a grid with their uncertainties, as they lie in the map.
+fn points(set: &SetReadings) -> Markup {
+    let columns = set.grid[0] as usize;
+    let cell = |own: &Reading| {
+        let digits = digits(own);
+        html! {
+            td {
+                @if own.is_known() {
+                    (fixed(own.value, digits)) br; small { (half_width(own.expanded, digits)) }
+                } @else { "unknown" }
+            }
+        }
+    };
+    let rows = html! {
+        tbody {
+            @for row in set.readings.chunks(columns) { tr { @for own in row { (cell(own)) } } }
+        }
+    };
+    let caption = html! { "All points of " (set.name) ", " (set.unit()) ", " (place(set)) };
+    html! {
+        @if columns <= MOST_COLUMNS && set.readings.len() <= MOST_POINTS {
+            (table("points", &caption, &rows))
+        } @else {
+            p { "The grid has more points than fit here: " code { "--csv" } " lists them." }
+        }
     }
 }

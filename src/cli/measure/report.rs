@@ -1,7 +1,7 @@
 //! A measurement as JSON.
 
 use bdpm::Measurement;
-use bdpm::measurement::{Reading, SetReadings, quantity};
+use bdpm::measurement::{Judged, Reading, SetReadings};
 use serde::Serialize;
 
 /// A measurement. All uncertainties are in the units of the values.
@@ -48,6 +48,11 @@ struct SetReport<'a> {
     normals: Vec<[f32; 3]>,
     /// Row by row.
     readings: Vec<ReadingReport>,
+    /// What is required of the set, with what was found and a verdict: `met`, `not-met` or
+    /// `not-decided`.
+    requirements: Vec<Judged>,
+    /// Factor on the mean in `requirements`.
+    maintenance_factor: f64,
     /// Readings under each group of lights alone. Their errors are independent.
     groups: Vec<GroupReport<'a>>,
 }
@@ -100,7 +105,7 @@ impl<'a> SetReport<'a> {
         };
         Self {
             name: &set.name,
-            quantity: quantity(set.kind),
+            quantity: set.quantity(),
             unit: set.unit(),
             columns: set.grid[0],
             rows: set.grid[1],
@@ -116,6 +121,8 @@ impl<'a> SetReport<'a> {
             positions: set.places.iter().map(|place| place.position.to_array()).collect(),
             normals: set.places.iter().map(|place| place.normal.to_array()).collect(),
             readings: readings(&set.readings),
+            requirements: set.judged(),
+            maintenance_factor: set.requirement.maintenance,
             groups: set.groups.iter().map(group).collect(),
         }
     }

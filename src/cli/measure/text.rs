@@ -3,7 +3,7 @@
 use super::digits::{UNKNOWN, digits, digits_of, uncertainty};
 use crate::cli::human_time;
 use bdpm::Measurement;
-use bdpm::measurement::{Estimated, Reading, SetReadings, unit};
+use bdpm::measurement::{Estimated, Judged, Reading, SetReadings};
 use std::fmt::Write;
 
 pub fn text(measurement: &Measurement) -> String {
@@ -18,6 +18,11 @@ pub fn text(measurement: &Measurement) -> String {
     .expect(PLAIN);
     for set in &measurement.sets {
         rows(&mut text, set, width);
+    }
+    for set in &measurement.sets {
+        for own in set.judged() {
+            writeln!(text, "{}: {}", set.name, judgment(&own, set)).expect(PLAIN);
+        }
     }
     let readings = measurement.sets.iter().flat_map(|set| &set.readings);
     if readings.into_iter().any(|own| own.is_known() && !own.has_uncertainty()) {
@@ -47,7 +52,7 @@ fn rows(text: &mut String, set: &SetReadings, width: usize) {
         writeln!(
             text,
             "{name:<width$} {:>11} {:>10} {:>7} {:>10} {:>10} {:>11} {:>11}",
-            format!("{} {}", number(reading.value), unit(set.kind)),
+            format!("{} {}", number(reading.value), set.unit()),
             uncertainty(reading.expanded, digits),
             if reading.value > 0.0 && reading.has_uncertainty() {
                 format!("{:.2} %", 100.0 * reading.relative(0.0))
@@ -75,7 +80,7 @@ fn rows(text: &mut String, set: &SetReadings, width: usize) {
     }
     for (label, extreme) in ["minimum", "maximum"].iter().zip(set.extremes()) {
         let name = format!("{name}: {label}");
-        writeln!(text, "{name:<width$} {}", extreme_text(&extreme, unit(set.kind))).expect(PLAIN);
+        writeln!(text, "{name:<width$} {}", extreme_text(&extreme, set.unit())).expect(PLAIN);
     }
     let [columns, rows] = set.grid;
     let [uniformity, diversity] = [set.uniformity(), set.diversity()].map(|own| ratio(&own));
@@ -84,6 +89,18 @@ fn rows(text: &mut String, set: &SetReadings, width: usize) {
         "{name}: {columns} by {rows} meters, uniformity U0 {uniformity}, diversity Ud {diversity}"
     )
     .expect(PLAIN);
+}
+
+/// A requirement, what was found, and whether that is enough.
+fn judgment(own: &Judged, set: &SetReadings) -> String {
+    let Judged { what, unit, required, found, verdict } = own;
+    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    let digits = if unit.is_empty() { 3 } else { digits_of(found.expanded) };
+    let [value, expanded] = [found.value, found.expanded].map(|own| uncertainty(own, digits));
+    let factor = set.maintenance_factor().filter(|_| !unit.is_empty());
+    let factor = factor.map_or(String::new(), |own| format!(" (maintenance factor {own})"));
+    let verdict = verdict.describe();
+    format!("{what} {value}{unit} +- {expanded}{factor}, required {required}{unit}: {verdict}")
 }
 
 /// A minimum or maximum in the columns of values and uncertainties.

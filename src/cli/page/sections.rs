@@ -122,9 +122,12 @@ fn tiles(snapshot: &Snapshot) -> Markup {
     };
     let range = |interval: &ErrorInterval| {
         let ErrorInterval { low, high } = interval;
-        match high.is_finite() {
-            true => format!("{}: {} to {}", percent(COVERAGE), percent(*low), percent(*high)),
-            false => format!("at least {}", percent(*low)),
+        match (high.is_finite(), *low > 0.0) {
+            (true, true) => {
+                format!("{}: {} to {}", percent(COVERAGE), percent(*low), percent(*high))
+            }
+            (true, false) => format!("{}: at most {}", percent(COVERAGE), percent(*high)),
+            (false, _) => format!("at least {}", percent(*low)),
         }
     };
     let split = (bias > 0.0).then(|| {

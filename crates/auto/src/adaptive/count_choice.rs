@@ -169,8 +169,8 @@ impl CountChooser<'_> {
             return (noise, 1.0);
         }
         let Settings { strategy, merge_vertex, .. } = *self.renderer.settings();
-        let left: Vec<_> =
-            noise.iter().map(|own| left_by_denoiser(strategy, merge_vertex, *own, 1.0)).collect();
+        let of = |own: &Coefficients| left_by_denoiser(strategy, merge_vertex, *own, (1.0, 0.0));
+        let left: Vec<_> = noise.iter().map(of).collect();
         let Counts { light_paths, camera_paths } = &self.renderer.block().counts;
         let weights = self.stop.objective.weights(luminance);
         let variance = |cells: &[Coefficients]| {

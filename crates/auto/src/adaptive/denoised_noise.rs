@@ -24,23 +24,28 @@ pub fn kept_by_averages(radius: f64, footprint: f64) -> f64 {
 }
 
 /// Whether photons are merged where the camera sees them, so that neighboring pixels share them.
-/// Later vertices are elsewhere for every camera path.
+/// Later vertices are elsewhere for every camera path, as are those that look light up in a cache.
 pub fn shares_photons(strategy: Strategy, merge_vertex: u32) -> bool {
-    strategy.has_photons() && (strategy.weighs_merges() || merge_vertex == 1)
+    let merges_early = strategy.weighs_merges() || merge_vertex == 1;
+    strategy.has_photons() && merges_early && !strategy.has_cache()
 }
 
 /// Coefficients of the noise that is left of an image by this strategy after a denoiser, from those
 /// of the image. It keeps the share `kept` of the noise of shared photons: 1 for a denoiser, which
 /// takes discs of a few pixels for texture, and [`kept_by_averages`] for averages over as many
 /// pixels.
+///
+/// Photons of caustics are merged at first vertices by every strategy. `caustics` is their share of
+/// `a`, as far as it is known.
 pub fn left_by_denoiser(
     strategy: Strategy,
     merge_vertex: u32,
     Coefficients { a, b, f }: Coefficients,
-    kept: f64,
+    (kept, caustics): (f64, f64),
 ) -> Coefficients {
     let is_shared = shares_photons(strategy, merge_vertex);
-    let of_pairs = if is_shared { kept } else { OF_SINGLE_PIXELS };
+    let of_others = if is_shared { kept } else { OF_SINGLE_PIXELS };
+    let of_pairs = caustics * kept + (1.0 - caustics) * of_others;
     // The light paths that all pixels see change their light together.
     let of_light = if is_shared { kept } else { 1.0 };
     Coefficients { a: of_pairs * a, b: OF_SINGLE_PIXELS * b, f: of_light * f }
@@ -61,7 +66,7 @@ mod tests {
     #[test]
     fn noise_of_camera_paths_vanishes_before_that_of_shared_photons() {
         let noise = Coefficients { a: 1.0, b: 1.0, f: 1.0 };
-        let left = |strategy, vertex| left_by_denoiser(strategy, vertex, noise, 0.7);
+        let left = |strategy, vertex| left_by_denoiser(strategy, vertex, noise, (0.7, 0.0));
         for (strategy, vertex) in [(Strategy::Single, 1), (Strategy::Mis, 2), (Strategy::CutMis, 2)]
         {
             let Coefficients { a, b, f } = left(strategy, vertex);
@@ -69,5 +74,7 @@ mod tests {
         }
         let Coefficients { a, b, f } = left(Strategy::Single, 2);
         assert!(a == b && b < 0.2 * f);
+        let half = left_by_denoiser(Strategy::Single, 2, noise, (0.7, 0.5));
+        assert!((half.a - 0.5 * (0.7 + a)).abs() < 1e-12, "half of the pairs are of caustics");
     }
 }

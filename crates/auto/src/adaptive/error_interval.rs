@@ -26,10 +26,14 @@ pub struct SquaredPart {
     pub deviation: f64,
 }
 
+/// Standard deviation of the squared error, relative to it, from which on the estimate is hardly
+/// more than its own noise: the error has an upper bound alone.
+const HARDLY_KNOWN: f64 = 0.7;
+
 /// Range that holds the true relative error with a probability of 90 %.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ErrorInterval {
-    /// Lower end.
+    /// Lower end; 0 if only an upper bound of the error is known.
     pub low: f64,
     /// Upper end; infinite if the image may lack light that was never seen.
     pub high: f64,
@@ -55,13 +59,19 @@ impl ErrorInterval {
         Self { high: f64::INFINITY, ..self }
     }
 
+    /// The interval of an error of which this is an upper bound.
+    #[must_use]
+    pub fn open_below(self) -> Self {
+        Self { low: 0.0, ..self }
+    }
+
     /// The interval for independent squared parts. The logarithm of their sum is taken to be
-    /// normal: theory.md (93h).
+    /// normal, or the sum itself where it is hardly known: theory.md (93h).
     fn of_parts(parts: [SquaredPart; 2]) -> Self {
         let square: f64 = parts.iter().map(|part| part.value).sum();
         let variance: f64 = parts.iter().map(|part| part.deviation.powi(2)).sum();
-        if square <= 0.0 {
-            return Self { low: 0.0, high: (DEVIATIONS * variance.sqrt()).sqrt() };
+        if variance.sqrt() >= HARDLY_KNOWN * square {
+            return Self { low: 0.0, high: (square + DEVIATIONS * variance.sqrt()).sqrt() };
         }
         // The error is the root, so that its logarithm has half the deviation.
         let deviation = 0.5 * variance.sqrt() / square;
@@ -85,6 +95,9 @@ mod tests {
         let unknown = SquaredPart { value: 0.0, deviation: 1e-4 };
         let unknown = ErrorInterval::of_parts([unknown, SquaredPart::default()]);
         assert!(unknown.low == 0.0 && (unknown.high - 1.6449e-4f64.sqrt()).abs() < 1e-12);
+        let hardly = SquaredPart { value: 1e-4, deviation: 1e-4 };
+        let hardly = ErrorInterval::of_parts([hardly, SquaredPart::default()]);
+        assert!(hardly.low == 0.0 && (hardly.high - 2.6449e-4f64.sqrt()).abs() < 1e-12);
     }
 
     #[test]

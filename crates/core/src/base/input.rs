@@ -57,6 +57,14 @@ pub fn read_as(path: &Path) -> Option<PathBuf> {
     (FileId::of(name)? == identity).then(|| name.clone())
 }
 
+/// All files that this process has read, in the order of their paths.
+pub fn files_read() -> Vec<PathBuf> {
+    let read = READ.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut paths: Vec<PathBuf> = read.values().cloned().collect();
+    paths.sort();
+    paths
+}
+
 /// Takes files off the list of those that this process has read: copies that it read only to check
 /// them.
 pub fn forget(paths: &[PathBuf]) {

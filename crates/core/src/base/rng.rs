@@ -39,6 +39,8 @@ pub enum Stream {
     SuffixPath = 33,
     /// For the rays toward casters of caustics.
     Aim = 34,
+    /// One stream per batch of camera paths of daylight coefficients.
+    Daylight = 35,
 }
 
 /// Index of camera path `path` of `pixel` in the stream [`Stream::CameraPath`].

@@ -77,16 +77,19 @@ impl Accumulate for FoldSums {
 /// That of the disc kernel is fitted to renders with known bias. A disc at a distance of less than
 /// the radius from an edge loses a part that does not depend on the radius. The other value follows
 /// from `TYPICAL_FALL` of the settings.
-pub fn left_at_half(kernel: Kernel) -> [f64; CLASSES] {
-    match kernel {
+///
+/// Where there is a cache, its bias takes the place of that of diffuse photons: the value is its
+/// typical bias within the squares whose mean is measured, over that mean.
+pub fn left_at_half(kernel: Kernel, has_cache: bool) -> [f64; CLASSES] {
+    let [caustic, diffuse] = match kernel {
         Kernel::Area => [1.2, 0.547],
         Kernel::Disc => [0.7, 1.2],
-    }
+    };
+    [caustic, if has_cache { LEFT_BY_CACHE } else { diffuse }]
 }
 
-/// Typical bias of a cache within the squares whose mean is measured, over that mean. Photons of
-/// caustics have no part in it.
-pub const LEFT_BY_CACHE: [f64; CLASSES] = [0.0, 0.5];
+/// Typical bias of a cache within the squares whose mean is measured, over that mean.
+const LEFT_BY_CACHE: f64 = 0.5;
 
 impl FoldedStatistic for FoldSums {
     fn folds(request: &StatisticRequest) -> usize {

@@ -3,6 +3,7 @@
 use super::features::{DenoiseFeatures, DepthSample};
 use super::folds::DENOISE_FOLDS;
 use super::light_components::LightComponents;
+use crate::base::math::Rgb;
 use serde::{Deserialize, Serialize};
 
 /// Statistics that are kept for layers beside the image and for the denoiser.
@@ -39,6 +40,8 @@ pub struct AovSample {
     pub light: LightComponents,
     /// Albedo and normal for the denoiser.
     pub denoise: DenoiseFeatures,
+    /// Emission of `light` by paths that hit a surface: without the sky behind all surfaces.
+    pub seen: Rgb,
     /// Position and depth of the first surface.
     pub first_hit: DepthSample,
 }
@@ -49,13 +52,15 @@ impl AovSample {
     pub fn add(&mut self, other: &Self, weight: f64) {
         self.light.add(&other.light, weight);
         self.denoise.add(&other.denoise, weight as f32);
+        self.seen += other.seen * weight as f32;
         self.first_hit.add(&other.first_hit, weight);
     }
 
     /// Whether all values are finite.
     pub fn is_finite(&self) -> bool {
-        let Self { light, denoise, first_hit } = self;
+        let Self { light, denoise, seen, first_hit } = self;
         light.emission.is_finite()
+            && seen.is_finite()
             && light.direct.is_finite()
             && light.caustics.is_finite()
             && denoise.albedo.is_finite()

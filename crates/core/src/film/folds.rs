@@ -22,6 +22,9 @@ pub struct FoldedBuffer<T> {
 
 /// Sums of one pixel that make a [`PixelStatistic`].
 pub trait FoldedStatistic: Accumulate + Clone + Zeroable {
+    /// Share of the memory that is written.
+    const WRITTEN: f64 = 1.0;
+
     /// Number of folds that `request` includes; 0 if it does not include this statistic.
     fn folds(request: &StatisticRequest) -> usize;
 
@@ -68,7 +71,8 @@ impl<T: FoldedStatistic> PixelStatistic for FoldedBuffer<T> {
     }
 
     fn bytes_per_pixel(request: &StatisticRequest) -> f64 {
-        (T::folds(request) * size_of::<T>()) as f64 / grid::<T>(request.settings).pixels_per_cell()
+        let bytes = T::WRITTEN * (T::folds(request) * size_of::<T>()) as f64;
+        bytes / grid::<T>(request.settings).pixels_per_cell()
     }
 
     fn fits(statistic: Option<&Self>, settings: &Settings) -> bool {

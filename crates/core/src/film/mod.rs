@@ -11,6 +11,7 @@ pub mod halves;
 pub mod light_components;
 mod phase_times;
 pub mod radiance;
+pub mod seen_lights;
 pub mod statistic;
 pub mod tiled_buffer;
 pub mod windows;

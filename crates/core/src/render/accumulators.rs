@@ -10,6 +10,7 @@ use crate::film::features::{CompactDepth, DenoiseFeatures, DepthSample};
 use crate::film::folds::FoldedBuffer;
 use crate::film::halves::LuminanceSum;
 use crate::film::light_components::{CAUSTICS, CompactLight, DIRECT, EMISSION, LightComponents};
+use crate::film::seen_lights::SeenLight;
 use crate::film::statistic::{
     CurrentIteration, PixelSample, PixelStatistic, StatisticRequest, StatisticTile,
 };
@@ -216,6 +217,8 @@ statistics! {
         light: FoldedBuffer<LightComponents>,
         /// Radiance of each fold of the iterations.
         folds: FoldedBuffer<Rgb>,
+        /// Light sources that pixels see, of each fold of the iterations.
+        seen_lights: FoldedBuffer<SeenLight>,
         /// Contribution of photons in the outer annulus of the merge discs.
         annulus: FoldedBuffer<FoldSums>,
         /// Luminance of both halves of the iterations, where the annulus does not have it.

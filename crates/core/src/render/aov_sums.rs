@@ -1,6 +1,7 @@
 //! Sums of the layers over the camera paths of each pixel, during one iteration.
 
 use super::worker::Job;
+use crate::base::math::Rgb;
 use crate::film::aov::AovSample;
 use crate::film::features::{DenoiseFeatures, DepthSample};
 use crate::film::light_components::LightComponents;
@@ -66,9 +67,10 @@ impl<'a> AovSums<'a> {
             light.direct += mem::take(&mut light.caustics);
         }
         light.caustics += caustics.as_dvec3();
+        let seen = if hits { emission } else { Rgb::ZERO };
         let hits = f64::from(u8::from(hits));
         let denoise = DenoiseFeatures { albedo, normal };
         let first_hit = DepthSample { position: position.as_dvec3(), depth: depth.into(), hits };
-        sum.add(&AovSample { light, denoise, first_hit }, 1.0);
+        sum.add(&AovSample { light, denoise, seen, first_hit }, 1.0);
     }
 }

@@ -5,18 +5,27 @@
 //! the squared error is subtracted. The fraction for one fold of the iterations is estimated from
 //! the other fold, so that it is independent of the noise that it scales.
 
-use super::annulus_moments::{FoldEstimate, WeightedBlocks};
+use super::annulus_moments::{FoldEstimate, FoldWeight, WeightedBlocks};
 use super::block::Block;
 use super::smoothing::smooth;
 use crate::base::math::Rgb;
-use crate::film::annulus::{FOLDS, LEFT_BY_CACHE, left_at_half};
+use crate::film::annulus::{FOLDS, left_at_half};
 use crate::film::cells::CellGrid;
 use crate::film::radiance::{luminance, luminance_weights};
+use crate::transport::photon::PhotonClass;
 use rayon::prelude::*;
 
 /// Minimum ratio of the squared bias of the annulus to the variance of its estimate: below it
 /// nothing is subtracted, since both are noisy. Fixed by experiment.
 const BIAS_EXCESS: f64 = 1.0;
+
+/// [`BIAS_EXCESS`] of a cache after many iterations. What a cache adds is the same in whole squares
+/// of pixels: noise in its place is seen as stains.
+const CACHE_EXCESS: f64 = 8.0;
+
+/// Number of iterations of a fold that doubles [`CACHE_EXCESS`]. With fewer nothing is subtracted:
+/// they hardly know their noise, which is larger than the bias of a cache anyway.
+const FEW_ITERATIONS: f64 = 8.0;
 
 /// Correction of the merge bias of an image, for each [cell](CellGrid) in row order.
 #[derive(Clone, Debug)]
@@ -64,14 +73,21 @@ impl BiasCorrection {
             squared_noise: weighted.squared_noise(),
             halves: weighted.fold_means(),
         };
-        let left_at_half = match blocks[0].has_cache {
-            true => LEFT_BY_CACHE,
-            false => left_at_half(blocks[0].kernel),
-        };
+        let has_cache = blocks[0].has_cache;
+        let left_at_half = left_at_half(blocks[0].kernel, has_cache);
         for (class, left_at_half) in left_at_half.into_iter().enumerate() {
+            let excess = weighted.folds.map(|FoldWeight { first, second }| {
+                let few = FEW_ITERATIONS * second / (first * first);
+                let of_cache = has_cache && class == PhotonClass::Diffuse as usize;
+                match of_cache {
+                    true => (few < 1.0 + 1e-9).then_some(CACHE_EXCESS * (1.0 + few)),
+                    false => Some(BIAS_EXCESS),
+                }
+            });
             let estimates = weighted.estimates(class);
             if estimates.par_iter().flatten().any(|fold| fold.variance > 0.0 || fold.bias2 > 0.0) {
-                all.add(&weighted, &estimates, left_at_half, luminance, &importance);
+                let typical = (left_at_half, excess);
+                all.add(&weighted, &estimates, typical, luminance, &importance);
             }
         }
         Some(all)
@@ -101,12 +117,13 @@ impl BiasCorrection {
         }
     }
 
-    /// Adds the correction of one photon class.
+    /// Adds the correction of one photon class, with its typical bias at half the radius and the
+    /// excess that each fold must have; `None` if that subtracts nothing.
     fn add(
         &mut self,
         blocks: &WeightedBlocks,
         estimates: &[[FoldEstimate; FOLDS]],
-        left_at_half: f64,
+        (left_at_half, excess): (f64, [Option<f64>; FOLDS]),
         luminance: &[f64],
         importance: &[f64],
     ) {
@@ -124,12 +141,14 @@ impl BiasCorrection {
         let halves = self.halves.par_iter_mut();
         let pixels = pixels.zip(&mut self.bias2).zip(&mut self.bias2_difference).zip(halves);
         pixels.enumerate().for_each(
-            |(pixel, ((((correction, variance_change), bias2), difference), halves))| {
+            |(pixel, ((((correction, variance_change), remaining), difference), halves))| {
                 let (around, weight) = (&around[pixel], importance[pixel]);
                 for (fold, own) in estimates[pixel].iter().enumerate() {
                     // The factor comes from the other fold
-                    let other = 2 * (1 - fold);
-                    let factor = shrinkage(around[other], around[other + 1].max(0.0));
+                    let other = 1 - fold;
+                    let [bias2, variance] = [around[2 * other], around[2 * other + 1].max(0.0)];
+                    let of = |excess| shrinkage(bias2, variance, excess);
+                    let factor = excess[other].map_or(0.0, of);
                     *correction += own.sum * (factor / total) as f32;
                     halves[fold] -= luminance_of(own.sum) * factor / blocks.folds[fold].first;
                     *variance_change +=
@@ -140,7 +159,7 @@ impl BiasCorrection {
                     let at_half = (luminance[pixel] - factor * annulus).max(0.0);
                     let left = left_at_half.min(at_half / annulus);
                     let half = 0.5 * (1.0 - factor + left).powi(2) * own.bias2;
-                    *bias2 += half;
+                    *remaining += half;
                     *difference += if fold == 0 { half } else { -half };
                 }
             },
@@ -153,9 +172,15 @@ fn luminance_of(radiance: Rgb) -> f64 {
     luminance(radiance.as_dvec3())
 }
 
-/// Fraction of the annulus to subtract, from its squared bias and its variance: theory.md (71d).
-pub fn shrinkage(bias2: f64, variance: f64) -> f64 {
-    let excess = (bias2 - BIAS_EXCESS * variance).max(0.0);
+/// Fraction of the annulus of photons to subtract, from its squared bias and its variance.
+pub fn shrinkage_of_photons(bias2: f64, variance: f64) -> f64 {
+    shrinkage(bias2, variance, BIAS_EXCESS)
+}
+
+/// Fraction to subtract of what has this squared bias and variance, `excess` being the least ratio
+/// of both: theory.md (71d).
+fn shrinkage(bias2: f64, variance: f64, excess: f64) -> f64 {
+    let excess = (bias2 - excess * variance).max(0.0);
     if excess > 0.0 { excess / (excess + variance) } else { 0.0 }
 }
 
@@ -176,7 +201,7 @@ mod tests {
     const SIDE: u32 = 24;
 
     fn typical_left_at_half() -> f64 {
-        left_at_half(Kernel::Area)[1]
+        left_at_half(Kernel::Area, false)[1]
     }
 
     /// Blocks of an image of luminance 1 with noise 0.3. In the left half, the annulus of the
@@ -259,6 +284,38 @@ mod tests {
         assert!(squares > 0.0 && (sum / count).abs() < 3.0 * error, "{} +- {error}", sum / count);
         // Noise of 1 in each of two classes.
         assert!(squares / count < 0.05 * 2.0 / 40.0, "{}", squares / count * 40.0);
+    }
+
+    /// Few iterations hardly know the noise of what a cache adds: eight of each fold have to.
+    #[test]
+    fn nothing_is_subtracted_for_a_cache_after_few_iterations() {
+        for (count, expected) in [(6, 0.0), (14, 0.0), (16, 0.5)] {
+            let mut blocks = blocks(0.5, 0.01, &[count], 1);
+            blocks[0].has_cache = true;
+            let image = CombinedImage::new(&blocks, vec![1.0]);
+            // Photons of caustics have noise of their own, which is corrected as ever.
+            let found = f64::from(image.bias_correction().unwrap().correction[0].x);
+            assert!((found - expected).abs() < 0.02, "{count}: {found}");
+        }
+    }
+
+    /// Noise of 1 without bias: what is subtracted for a cache has a tenth of the variance of what
+    /// is subtracted for photons, or less.
+    #[test]
+    fn noise_is_no_bias_of_a_cache() {
+        let squares = [false, true].map(|has_cache| {
+            let one = |seed| {
+                let mut blocks = blocks(0.0, 1.0, &[40], seed);
+                blocks[0].has_cache = has_cache;
+                let image = CombinedImage::new(&blocks, vec![1.0]);
+                let all = &image.bias_correction().unwrap().correction;
+                all.iter().map(|own| f64::from(own.x).powi(2)).sum::<f64>()
+            };
+            (0..20).map(one).sum::<f64>()
+        });
+        // The other class has noise of photons in both.
+        let [photons, cache] = squares;
+        assert!(cache - 0.5 * photons < 0.1 * 0.5 * photons, "{squares:?}");
     }
 
     #[test]

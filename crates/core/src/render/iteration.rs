@@ -156,7 +156,7 @@ impl Renderer {
             accel: &**accel,
             settings,
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
-            gather_early: mis.is_some() || self.found_caustic_photons(),
+            gather_early: settings.strategy.merges_twice() || self.found_caustic_photons(),
             hides_lights: self.config.hides_lights,
             points: CameraPoints::of(settings, iteration)
                 .filter(|_| !self.config.independent_paths),

@@ -22,8 +22,10 @@ use crate::transport::suffix_cache::SuffixRecord;
 /// surfaces with specular reflection only store none. The same holds in media. Splitting multiplies
 /// their number.
 pub(super) fn bytes_per_light_path(scene: &Scene, settings: &Settings) -> f64 {
-    if settings.has_cache() {
-        return SUFFIXES_PER_PATH * BYTES_PER_SUFFIX;
+    let suffixes = if settings.has_cache() { SUFFIXES_PER_PATH * BYTES_PER_SUFFIX } else { 0.0 };
+    if !settings.has_photons() || settings.strategy.has_only_caustics() {
+        let photons = if settings.has_photons() { bytes_per_photon(settings) } else { 0.0 };
+        return suffixes + photons;
     }
     let storing = scene.materials().iter().map(|m| m.bsdf).filter(Bsdf::merges);
     let albedo = storing.map(|bsdf| bsdf.albedo().max_element()).fold(0.0, f32::max);

@@ -157,7 +157,7 @@ impl Renderer {
         settings: &Settings,
         known: Option<&Arc<Clearance>>,
     ) -> Arc<Clearance> {
-        let radii = MergeKernel::discs([settings.caustic_radius, settings.radius]);
+        let radii = MergeKernel::discs(settings.merge_radii());
         let needed = MediumKernel::new(&radii, settings).room_radius();
         match known {
             Some(known) if (needed..=2.0 * needed).contains(&known.distance()) => known.clone(),

@@ -6,6 +6,7 @@ use crate::base::pool::Pool;
 use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::settings::Settings;
 use crate::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
+use crate::transport::merge::MergeOutput;
 use crate::transport::suffix_cache::{SuffixCache, SuffixRecord, SuffixRecorder};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -25,10 +26,17 @@ pub(super) struct Suffixes {
     records: Vec<SuffixRecord>,
     cache: Option<SuffixCache>,
     bias: Option<CacheBias>,
-    workers: Pool<CameraPaths>,
+    workers: Pool<SuffixWorker>,
     count: u64,
     rays: u64,
     busy: Duration,
+}
+
+/// Reusable workspace of a thread.
+#[derive(Debug, Default)]
+struct SuffixWorker {
+    paths: CameraPaths,
+    merged: MergeOutput,
 }
 
 /// Radiance that the cache of an iteration adds to parts of the image beyond full paths, with the
@@ -118,23 +126,14 @@ impl Suffixes {
         count: u32,
         (iteration, interrupt): (u64, Option<&AtomicBool>),
     ) {
-        let Renderer { scene, accel, settings, view, .. } = renderer;
-        let pass = CameraPass {
-            scene,
-            view: *view,
-            accel: &**accel,
-            settings,
-            key: StreamKey::new(settings.seed, Stream::SuffixPath, iteration),
-            gather_early: false,
-            hides_lights: false,
-            points: None,
-            directions: renderer.directions(),
-            cache: None,
-        };
-        let last = StreamKey::new(settings.seed, Stream::SuffixPath, iteration).rng(u64::MAX);
-        let places = Places::new(settings, last);
+        let Renderer { scene, settings, .. } = renderer;
+        let key = StreamKey::new(settings.seed, Stream::SuffixPath, iteration);
+        let (pass, merge) = renderer.passes(iteration);
+        let pass = CameraPass { key, hides_lights: false, points: None, cache: None, ..pass };
+        let places = Places::new(settings, key.rng(u64::MAX));
         let batches = (0..count.div_ceil(CameraPaths::BATCH as u32)).into_par_iter();
-        let trace = |paths: &mut CameraPaths, batch: u32| {
+        let merge = (&merge, (count as f32).recip());
+        let trace = |SuffixWorker { paths, merged }: &mut SuffixWorker, batch: u32| {
             let start = Instant::now();
             let first = batch * CameraPaths::BATCH as u32;
             let end = count.min(first + CameraPaths::BATCH as u32);
@@ -145,11 +144,12 @@ impl Suffixes {
             let rays = paths.rays;
             paths.trace(&pass, (first..end).map(|path| places.of(path)));
             let own = |record| SuffixRecord { path: record_path(&record, first), ..record };
-            let records: Vec<SuffixRecord> = paths.end_suffixes().into_iter().map(own).collect();
+            let records = paths.end_suffixes(merge, merged).into_iter().map(own);
+            let records: Vec<SuffixRecord> = records.collect();
             (records, paths.rays - rays, start.elapsed())
         };
         let traced: Vec<_> =
-            batches.map_init(|| self.workers.lease(), |paths, batch| trace(paths, batch)).collect();
+            batches.map_init(|| self.workers.lease(), |own, batch| trace(own, batch)).collect();
         self.records.clear();
         (self.count, self.rays, self.busy) = (u64::from(count), 0, Duration::ZERO);
         for (records, rays, busy) in traced {
@@ -193,7 +193,7 @@ impl CacheBias {
             if *is_over {
                 continue;
             }
-            let SuffixRecord { position, normal, distance, carried, light, prob, path } = *own;
+            let SuffixRecord { position, normal, distance, carried, light, prob, path, .. } = *own;
             let Some(found) = cache.find(position, normal, distance) else { continue };
             *is_over = true;
             let more = (carried * found.halves[1 - own.half()] - light) / prob;

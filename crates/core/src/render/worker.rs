@@ -336,6 +336,8 @@ struct Measuring<'a, E> {
     light_samples: u32,
     /// Light paths of a sample.
     per_sample: f64,
+    /// Camera paths end at a cache.
+    has_cache: bool,
     /// Nested differences of the current camera path.
     nested: [f64; 2],
 }
@@ -351,8 +353,8 @@ impl<'a, E: Estimator> Measuring<'a, E> {
         let settings = job.pass.settings;
         let light_samples = settings.light_samples(job.counts.light_paths);
         let per_sample = settings.light_sample_size(job.counts.light_paths);
-        let nested = [0.0; 2];
-        Self { job, image, estimator, measurements, light_samples, per_sample, nested }
+        let (has_cache, nested) = (settings.has_cache(), [0.0; 2]);
+        Self { job, image, estimator, measurements, light_samples, per_sample, has_cache, nested }
     }
 
     fn run(
@@ -379,8 +381,10 @@ impl<'a, E: Estimator> Measuring<'a, E> {
     #[inline]
     fn add_pairs(&mut self, pairs: &[Pair], nested: [f32; 2]) {
         for &Pair { light_path, value } in pairs {
+            // The samples of a cache are halves, to which light paths belong in turn.
+            let sample = if self.has_cache { light_path & 1 } else { light_path };
             // theory.md (40d)
-            self.estimator.pair(light_path, f64::from(value) / self.per_sample);
+            self.estimator.pair(sample, f64::from(value) / self.per_sample);
         }
         self.nested.iter_mut().zip(nested).for_each(|(sum, d)| *sum += f64::from(d));
     }

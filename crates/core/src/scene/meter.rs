@@ -104,6 +104,64 @@ impl Meters {
     }
 }
 
+/// What a set of meters must have, and how it is judged.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Requirement {
+    /// Least mean over the set after the maintenance factor, lx or cd/m^2.
+    pub mean: Option<f64>,
+    /// Least uniformity `U_0`, the minimum over the mean.
+    pub uniformity: Option<f64>,
+    /// Daylight factors that half of the points and 95 % of them must have, percent (EN 17037).
+    pub daylight_factor: Option<[f64; 2]>,
+    /// Light at the time of maintenance over that of the new installation, in (0, 1].
+    pub maintenance: f64,
+}
+
+impl Default for Requirement {
+    fn default() -> Self {
+        Self { mean: None, uniformity: None, daylight_factor: None, maintenance: 1.0 }
+    }
+}
+
+impl Requirement {
+    /// Returns the requirement.
+    ///
+    /// # Errors
+    /// If a number is not one that light can have.
+    pub fn checked(self) -> Result<Self> {
+        let Self { mean, uniformity, daylight_factor, maintenance } = self;
+        if mean.is_some_and(|own| !(own > 0.0 && own.is_finite())) {
+            let problem = format!("the required mean is {}", mean.unwrap_or_default());
+            return Err(Error::new(problem, "give a positive number, in the unit of the meter"));
+        }
+        if uniformity.is_some_and(|own| !(own > 0.0 && own <= 1.0)) {
+            let problem = format!("the required uniformity is {}", uniformity.unwrap_or_default());
+            return Err(Error::new(problem, "give the minimum over the mean, above 0, at most 1"));
+        }
+        let is_percent = |own: f64| own > 0.0 && own <= 100.0;
+        if daylight_factor.is_some_and(|own| !own.into_iter().all(is_percent)) {
+            let problem = format!(
+                "daylight factors of {:?} % are required",
+                daylight_factor.unwrap_or_default()
+            );
+            return Err(Error::new(
+                problem,
+                "give the target and the minimum in percent, such as [2.1, 0.7]",
+            ));
+        }
+        if !(maintenance > 0.0 && maintenance <= 1.0) {
+            let problem = format!("the maintenance factor is {maintenance}");
+            return Err(Error::new(problem, "give a number above 0 and at most 1, such as 0.8"));
+        }
+        Ok(self)
+    }
+
+    /// Returns true if something is required.
+    pub fn is_any(&self) -> bool {
+        self.mean.is_some() || self.uniformity.is_some() || self.daylight_factor.is_some()
+    }
+}
+
 /// Named meters of one kind: a single one, or a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeterSet {
@@ -117,13 +175,15 @@ pub struct MeterSet {
     pub frame: Option<[Vec3; 3]>,
     /// Meters, row by row.
     pub meters: Vec<Meter>,
+    /// What is required of their readings.
+    pub requirement: Requirement,
 }
 
 impl MeterSet {
     /// A set of a single meter.
     pub fn single(name: impl Into<String>, kind: MeterKind, meter: Meter) -> Self {
-        let name = for_display(&name.into());
-        Self { name, kind, grid: [1, 1], frame: None, meters: vec![meter] }
+        let (name, requirement) = (for_display(&name.into()), Requirement::default());
+        Self { name, kind, grid: [1, 1], frame: None, meters: vec![meter], requirement }
     }
 
     /// Irradiance in the centers of the cells of a parallelogram, which starts at `corner`. Columns
@@ -155,14 +215,32 @@ impl MeterSet {
         };
         let meters = (0..cells as u32).map(cell).collect::<Result<_>>()?;
         let frame = Some([corner, edges[0], edges[1]]);
-        let name = for_display(&name.into());
-        Ok(Self { name, kind: MeterKind::Irradiance, grid, frame, meters })
+        let (name, requirement) = (for_display(&name.into()), Requirement::default());
+        Ok(Self { name, kind: MeterKind::Irradiance, grid, frame, meters, requirement })
+    }
+
+    /// The same meters, of which this is required.
+    #[must_use]
+    pub fn requiring(self, requirement: Requirement) -> Self {
+        Self { requirement, ..self }
     }
 
     /// Returns true if the set is a grid of several meters.
     pub fn is_grid(&self) -> bool {
         self.meters.len() > 1
     }
+}
+
+/// Columns and rows of the grid that EN 12464-1 (4.4) wants for an area of this length and width,
+/// meters: points `p = 0.2 * 5^log10(d)` apart, at most 10 m. `d` is the longer side, or the
+/// shorter one if the longer one is at least twice as long.
+pub fn standard_grid([length, width]: [f64; 2]) -> [u32; 2] {
+    let (longer, shorter) = (length.max(width), length.min(width));
+    let d = if longer >= 2.0 * shorter { shorter } else { longer };
+    let p = (0.2 * 5f64.powf(d.log10())).min(10.0);
+    // The number along `d` decides how far the points of the other side are apart.
+    let p = d / (d / p).round().max(1.0);
+    [length, width].map(|side| (side / p).round().clamp(1.0, 65_536.0) as u32)
 }
 
 /// Maximum number of meters of a grid.
@@ -245,6 +323,48 @@ mod tests {
             assert!(MeterSet::grid("plane", Vec3::ONE, edges, grid, None).is_err());
         }
         assert!(MeterSet::grid("plane", Vec3::ONE, [Vec3::X; 2], [1, 1], None).is_err());
+    }
+
+    /// Sides and numbers of points of the table of EN 12464-1:2011, A.1, which rounds the distances
+    /// first.
+    #[test]
+    fn standard_grids_have_the_points_of_the_standard() {
+        let table = [
+            (0.4, 3),
+            (0.6, 3),
+            (1.0, 5),
+            (2.0, 6),
+            (5.0, 8),
+            (10.0, 10),
+            (25.0, 12),
+            (50.0, 17),
+            (100.0, 20),
+        ];
+        for (side, count) in table {
+            let [columns, rows] = standard_grid([side, side]);
+            assert!(columns == rows && columns.abs_diff(count) <= 1, "{side}: {columns} {count}");
+        }
+        // A corridor: its width decides.
+        assert_eq!(standard_grid([30.0, 2.0]), [90, 6]);
+    }
+
+    #[test]
+    fn impossible_requirements_are_refused() {
+        let own = Requirement {
+            mean: Some(500.0),
+            uniformity: Some(0.6),
+            daylight_factor: Some([2.1, 0.7]),
+            maintenance: 0.8,
+        };
+        assert!(own.checked().is_ok() && own.is_any());
+        assert!(Requirement { mean: Some(0.0), ..own }.checked().is_err());
+        assert!(Requirement { mean: Some(f64::NAN), ..own }.checked().is_err());
+        assert!(Requirement { uniformity: Some(1.1), ..own }.checked().is_err());
+        assert!(Requirement { daylight_factor: Some([2.1, -1.0]), ..own }.checked().is_err());
+        for maintenance in [0.0, 1.1, f64::NAN] {
+            assert!(Requirement { maintenance, ..own }.checked().is_err());
+        }
+        assert!(!Requirement::default().is_any());
     }
 
     #[test]

@@ -53,7 +53,7 @@ pub use material::Material;
 pub use media::{Media, MediumBoundary, MediumState};
 pub use medium::{Flight, Medium, henyey_greenstein};
 pub use mesh::Mesh;
-pub use meter::{MAX_METERS, Meter, MeterKind, MeterSet, Meters};
+pub use meter::{MAX_METERS, Meter, MeterKind, MeterSet, Meters, Requirement, standard_grid};
 pub use near_faces::NearFaces;
 pub use normal_map::NormalMap;
 pub use pane_stack::PaneStack;

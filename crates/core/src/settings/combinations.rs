@@ -132,7 +132,7 @@ pub const COMBINATIONS: &[Combination] = &[
     refused(
         ["--strategy mis|cut-mis", "--merge-vertex"],
         "The weights are those of merges at vertices 1 and 2: only the merge vertex 2 is accepted.",
-        |asked| asked.weighs_merges() && asked.settings.merge_vertex != 2,
+        |asked| asked.settings.strategy.merges_twice() && asked.settings.merge_vertex != 2,
         |asked| {
             let problem = format!(
                 "strategies `mis` and `cut-mis` merge at vertices 1 and 2, but the merge vertex is {}",
@@ -142,12 +142,12 @@ pub const COMBINATIONS: &[Combination] = &[
         },
     ),
     refused(
-        ["--strategy mis|cut-mis", "--splitting"],
+        ["--strategy mis|cut-mis|path-caustics|gather-caustics", "--splitting"],
         "The weights do not know that light paths split.",
         |asked| asked.weighs_merges() && asked.settings.splitting != 1,
         |asked| {
             let splitting = asked.settings.splitting;
-            let problem = format!("splitting by {splitting} with strategy `mis` or `cut-mis`");
+            let problem = format!("splitting by {splitting} with {}", asked.weighted_name());
             Error::new(problem, "use the strategy `single`, or splitting by 1")
         },
     ),
@@ -158,19 +158,26 @@ pub const COMBINATIONS: &[Combination] = &[
         |asked| uneven_sets(asked.settings.light_paths, asked.settings.sobol_set),
     ),
     refused(
-        ["--strategy mis|cut-mis", "a medium that scatters, or outside of glass"],
+        [
+            "--strategy mis|cut-mis|path-caustics|gather-caustics",
+            "a medium that scatters, or outside of glass",
+        ],
         "The weights do not know photons in media.",
         |asked| asked.weighs_merges() && !asked.scene.allows_weighted_merges,
-        |_| {
-            let problem = "the strategies `mis` and `cut-mis` support only media that absorb, inside of glass";
+        |asked| {
+            let name = asked.weighted_name();
+            let problem = format!("{name} supports only media that absorb, inside of glass");
             Error::new(problem, "use the strategy `single` or `path`")
         },
     ),
     refused(
-        ["--strategy gather", "meters"],
+        ["--strategy gather|gather-caustics", "meters"],
         "What the cache adds is known for parts of an image, not for a single meter.",
         |asked| asked.settings.has_cache() && asked.scene.has_meters,
-        |_| Error::new("strategy `gather` at meters", "use the strategy `path`, or leave it open"),
+        |_| {
+            let problem = "a cache of light at meters";
+            Error::new(problem, "use the strategy `path`, or leave it open")
+        },
     ),
     refused(
         ["--part", "path counts that are chosen"],
@@ -285,9 +292,9 @@ pub const COMBINATIONS: &[Combination] = &[
         },
     ),
     weakened(
-        ["--direct photon-map", "--strategy path|gather"],
-        "Direct light is connected: there are no photons.",
-        |asked| asked.traces_no_photons() && asked.settings.direct == Direct::PhotonMap,
+        ["--direct photon-map", "--strategy path|path-caustics|gather|gather-caustics"],
+        "Direct light is connected: no photon comes straight from a light source.",
+        |asked| asked.connects_anyway() && asked.settings.direct == Direct::PhotonMap,
     ),
     weakened(["--bias reduce", "--strategy path"], "There is no merge bias to reduce.", |asked| {
         asked.shares_nothing() && asked.settings.bias == Bias::Reduce
@@ -301,12 +308,21 @@ pub const COMBINATIONS: &[Combination] = &[
         |asked| asked.shares_nothing() && asked.gives_photons(),
     ),
     weakened(
+        ["--radius|--merge-vertex", "--strategy path-caustics"],
+        "It has no effect: photons are those of caustics, which are merged at all vertices.",
+        |asked| {
+            let PartialSettings { radius, merge_vertex, strategy, .. } = &asked.given;
+            let gives = radius.is_some() || merge_vertex.is_some();
+            *strategy == Some(Strategy::PathCaustics) && gives
+        },
+    ),
+    weakened(
         ["--caustic-radius|--kernel|--guide|--sobol-set|--splitting", "--strategy gather"],
         "It has no effect: there are neither photons nor merges.",
         |asked| asked.given.strategy == Some(Strategy::Gather) && asked.gives_merges(),
     ),
     weakened(
-        ["--direction-guide", "--strategy single|mis|cut-mis"],
+        ["--direction-guide", "--strategy single|mis|cut-mis|path-caustics|gather-caustics"],
         "It has no effect: the weights of photons do not know guided camera paths.",
         |asked| {
             let PartialSettings { direction_guide, strategy, .. } = asked.given;
@@ -342,14 +358,20 @@ impl Asked<'_> {
         self.settings.strategy.weighs_merges()
     }
 
+    /// The strategy in words, as errors name it.
+    fn weighted_name(&self) -> String {
+        format!("the strategy `{}`", self.settings.strategy.name())
+    }
+
     /// Tests whether every iteration measures single pixels at the given counts.
     fn measures_pixels(&self) -> bool {
         self.job.has_pixel_noise && !self.job.is_automatic
     }
 
-    /// Tests whether the user wants no photons.
-    fn traces_no_photons(&self) -> bool {
-        self.given.strategy.is_some_and(|strategy| !strategy.has_photons())
+    /// Tests whether the user wants a strategy that connects direct light in any case.
+    fn connects_anyway(&self) -> bool {
+        let merges = |own: Strategy| own.has_photons() && !own.has_only_caustics();
+        self.given.strategy.is_some_and(|strategy| !merges(strategy))
     }
 
     /// Tests whether the user wants pixels to share no light.

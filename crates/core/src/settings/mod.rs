@@ -48,9 +48,15 @@ pub enum Strategy {
     CutMis,
     /// Connections and light sources that camera paths hit: path tracing without light paths.
     Path,
+    /// As [`Self::Path`], with photons of caustics alone, which are merged at all diffuse vertices
+    /// and share paths with light sources that camera paths hit.
+    PathCaustics,
     /// As [`Self::Path`], with camera paths that end at the diffuse vertex `k` and look the light
     /// up in a cache, which the suffixes of some full paths fill.
     Gather,
+    /// As [`Self::Gather`], with full paths as of [`Self::PathCaustics`], and as many light paths
+    /// as suffix paths.
+    GatherCaustics,
 }
 
 /// What a strategy consists of. No other code tests which strategy it is.
@@ -59,22 +65,33 @@ struct Traits {
     continues: bool,
     is_weighted: bool,
     has_cache: bool,
+    only_caustics: bool,
 }
 
 impl Strategy {
     /// All strategies.
-    pub const ALL: [Self; 5] = [Self::Single, Self::Mis, Self::CutMis, Self::Path, Self::Gather];
+    pub const ALL: [Self; 7] = [
+        Self::Single,
+        Self::Mis,
+        Self::CutMis,
+        Self::Path,
+        Self::PathCaustics,
+        Self::Gather,
+        Self::GatherCaustics,
+    ];
 
     #[inline(always)] // part of vector loops, as the functions below
     const fn traits(self) -> Traits {
-        let [has_photons, continues, is_weighted, has_cache] = match self {
-            Self::Single => [true, false, false, false],
-            Self::Mis => [true, true, true, false],
-            Self::CutMis => [true, false, true, false],
-            Self::Path => [false, true, true, false],
-            Self::Gather => [false, true, true, true],
+        let [has_photons, continues, is_weighted, has_cache, only_caustics] = match self {
+            Self::Single => [true, false, false, false, false],
+            Self::Mis => [true, true, true, false, false],
+            Self::CutMis => [true, false, true, false, false],
+            Self::Path => [false, true, true, false, false],
+            Self::PathCaustics => [true, true, true, false, true],
+            Self::Gather => [false, true, true, true, false],
+            Self::GatherCaustics => [true, true, true, true, true],
         };
-        Traits { has_photons, continues, is_weighted, has_cache }
+        Traits { has_photons, continues, is_weighted, has_cache, only_caustics }
     }
 
     /// Tests whether light paths are traced, and their photons merged.
@@ -83,11 +100,31 @@ impl Strategy {
         self.traits().has_photons
     }
 
+    /// Tests whether its photons are those of caustics alone: light paths end at their first
+    /// diffuse vertex, and camera paths find all other light.
+    #[inline(always)]
+    pub const fn has_only_caustics(self) -> bool {
+        self.traits().only_caustics
+    }
+
     /// Tests whether camera paths end where a cache knows the light. Its suffix paths then are the
     /// light paths of all formulas.
     #[inline(always)]
     pub const fn has_cache(self) -> bool {
         self.traits().has_cache
+    }
+
+    /// Its name in files and options.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Single => "single",
+            Self::Mis => "mis",
+            Self::CutMis => "cut-mis",
+            Self::Path => "path",
+            Self::PathCaustics => "path-caustics",
+            Self::Gather => "gather",
+            Self::GatherCaustics => "gather-caustics",
+        }
     }
 
     /// What the systematic part of its error is called.
@@ -116,6 +153,12 @@ impl Strategy {
     /// Tests whether merges have weights. They hold in few media and know no splitting.
     pub const fn weighs_merges(self) -> bool {
         self.has_photons() && self.is_weighted()
+    }
+
+    /// Tests whether photons of all kinds are merged at the first two diffuse vertices, with
+    /// weights.
+    pub const fn merges_twice(self) -> bool {
+        self.weighs_merges() && !self.has_only_caustics()
     }
 }
 

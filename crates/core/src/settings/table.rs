@@ -287,7 +287,15 @@ mod read {
 impl Settings {
     /// The larger merge radius, scene units: photons are looked up within it.
     pub fn reach(&self) -> f32 {
-        self.radius.max(self.caustic_radius)
+        let [caustic, diffuse] = self.merge_radii();
+        caustic.max(diffuse)
+    }
+
+    /// Merge radii by class of photons, scene units. Where all photons are those of caustics, their
+    /// radius is that of every merge.
+    pub fn merge_radii(&self) -> [f32; 2] {
+        let only_caustics = self.strategy.has_only_caustics();
+        [self.caustic_radius, if only_caustics { self.caustic_radius } else { self.radius }]
     }
 
     /// Tests whether light paths are traced, and their photons merged.
@@ -313,7 +321,8 @@ impl Settings {
 
     /// Tests whether diffuse vertices are connected with light sources.
     pub fn connects(&self) -> bool {
-        self.direct == Direct::Connect || !self.has_photons()
+        let may_merge = self.has_photons() && !self.strategy.has_only_caustics();
+        self.direct == Direct::Connect || !may_merge
     }
 
     /// Number of independent samples that some light paths are: their sets, or the halves that fill

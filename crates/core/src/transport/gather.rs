@@ -111,6 +111,21 @@ impl GatherPoints {
         })
     }
 
+    /// Numbers the points one by one in place of their paths, so that each has a sum of its own
+    /// when photons are merged. Returns the path and the lane of each.
+    pub(crate) fn number_each(&mut self) -> Vec<(u32, usize)> {
+        let mut all = Vec::new();
+        let packets = self.taken.div_ceil(LANES);
+        for (index, packet) in self.packets[..packets].iter_mut().enumerate() {
+            for lane in (0..LANES).filter(|&lane| packet.gathers[lane]) {
+                let number = all.len() as u32;
+                all.push((packet.path[lane], index * LANES + lane));
+                packet.path[lane] = number;
+            }
+        }
+        all
+    }
+
     /// The point in the lane of this number.
     #[inline]
     pub(crate) fn at(&self, number: usize) -> GatherPoint {

@@ -204,7 +204,7 @@ impl<'a> MergeKernel<'a> {
     /// If the settings ask for areas and `areas` is `None`.
     pub fn new(settings: &Settings, areas: Option<&'a Areas>) -> Self {
         let wavelengths = WavelengthKernel::new(settings.wavelength_width);
-        let discs = Self { wavelengths, ..Self::discs([settings.caustic_radius, settings.radius]) };
+        let discs = Self { wavelengths, ..Self::discs(settings.merge_radii()) };
         match settings.kernel {
             settings::Kernel::Disc => discs,
             settings::Kernel::Area => Self { areas: Some(areas.expect("areas")), ..discs },

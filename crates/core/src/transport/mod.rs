@@ -4,6 +4,7 @@
 pub mod area;
 pub mod camera_paths;
 pub mod clearance;
+pub mod daylight;
 pub mod direction_guide;
 mod path_queue;
 pub mod path_walker;

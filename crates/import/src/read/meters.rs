@@ -1,4 +1,4 @@
-//! Tables of meters in files of their own: CSV or TOML.
+//! Tables of meters in files of their own: CSV, TOML, or the points of Radiance's `rtrace`.
 
 use crate::read::extension;
 use crate::read::toml::keys::meters_alone;
@@ -15,9 +15,10 @@ const COLUMNS: [&str; 7] = ["name", "x", "y", "z", "nx", "ny", "nz"];
 /// meters measure illuminance.
 const OPENING: &str = "opening_deg";
 
-/// Reads meters of a scene from a file: `[[meter]]` tables of a `.toml` file, or the rows of a
-/// `.csv` file with a header `name,x,y,z,nx,ny,nz` and optionally `opening_deg`. Positions are in
-/// the coordinates of the scene's file.
+/// Reads meters of a scene from a file: `[[meter]]` tables of a `.toml` file, the rows of a `.csv`
+/// file with a header `name,x,y,z,nx,ny,nz` and optionally `opening_deg`, or the lines of a `.pts`
+/// file, six numbers each, as `rtrace -I` reads them. Positions are in the coordinates of the
+/// scene's file.
 ///
 /// # Errors
 /// If the file cannot be read, or a row is not valid; names its line.
@@ -26,9 +27,10 @@ pub fn read_meters(path: &Path, scene: &Scene) -> Result<Vec<MeterSet>> {
     match &extension(path)[..] {
         "toml" => meters_alone(path, &content, origin),
         "csv" => parse_csv(path, &content, origin),
+        "pts" => parse_points(path, &content, origin),
         _ => {
-            let problem = "the table of meters is neither a .csv nor a .toml file";
-            Err(Error::new(problem, "give a file ending in .csv or .toml").at(path))
+            let problem = "the table of meters is neither a .csv nor a .toml nor a .pts file";
+            Err(Error::new(problem, "give a file ending in .csv, .toml or .pts").at(path))
         }
     }
 }
@@ -64,6 +66,31 @@ fn parse_csv(path: &Path, content: &str, origin: DVec3) -> Result<Vec<MeterSet>>
     }
     if sets.is_empty() {
         return Err(Error::new("the table has no meters", "add a row for each meter").at(path));
+    }
+    Ok(sets)
+}
+
+/// Meters of illuminance at the lines of a text: position and direction of each.
+fn parse_points(path: &Path, content: &str, origin: DVec3) -> Result<Vec<MeterSet>> {
+    let mut sets = Vec::new();
+    for (index, line) in content.lines().enumerate() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        if words.is_empty() || words[0].starts_with('#') {
+            continue;
+        }
+        let place = |error: Error| error.at(path).line(index + 1, line);
+        let numbers: Option<Vec<f64>> = words.iter().map(|word| word.parse().ok()).collect();
+        let Some(&[x, y, z, nx, ny, nz]) = numbers.as_deref() else {
+            let advice = "give six numbers: a position and a direction";
+            return Err(place(Error::new("the line is no point with its direction", advice)));
+        };
+        let position = (DVec3::new(x, y, z) - origin).as_vec3();
+        let meter = Meter::irradiance(position, DVec3::new(nx, ny, nz).as_vec3()).map_err(place)?;
+        let name = format!("point {}", sets.len() + 1);
+        sets.push(MeterSet::single(&name, MeterKind::Irradiance, meter));
+    }
+    if sets.is_empty() {
+        return Err(Error::new("the file has no points", "add a line for each meter").at(path));
     }
     Ok(sets)
 }
@@ -118,6 +145,19 @@ mod tests {
         assert_eq!((position, normal), (Vec3::new(1.0, 2.5, -3.0), Vec3::Z));
         assert_eq!((&sets[1].name[..], sets[1].kind), ("a, b", MeterKind::Radiance));
         assert!((sets[1].meters[0].half_angle.to_degrees() - 10.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn lines_of_points_are_meters_of_illuminance() {
+        let parse = |text: &str| parse_points(Path::new("a.pts"), text, DVec3::X);
+        let sets = parse("# a comment\n1 2 3  0 0 1\n\n4\t5\t6\t0\t0\t-2\n").unwrap();
+        assert_eq!(sets.len(), 2);
+        let Meter { position, normal, .. } = sets[1].meters[0];
+        assert_eq!((position, normal), (Vec3::new(3.0, 5.0, 6.0), -Vec3::Z));
+        assert_eq!(sets[1].name, "point 2");
+        for (text, line) in [("1 2 3 0 0 1\n1 2 3 0 0\n", 2), ("1 2 3 0 0 x\n", 1), ("\n", 0)] {
+            assert_eq!(parse(text).unwrap_err().line_number().unwrap_or(0), line, "{text}");
+        }
     }
 
     #[test]

@@ -8,6 +8,7 @@ mod mtl;
 mod obj;
 mod pbrt;
 mod ply;
+mod radiance;
 pub mod toml;
 
 pub use meters::{parse_meters, read_meters};
@@ -27,16 +28,16 @@ use glam::DVec3;
 use std::path::Path;
 
 /// Extensions of scene files, in lower case.
-pub const SCENE_EXTENSIONS: &[&str] = &["toml", "gltf", "glb", "obj", "xml", "pbrt"];
+pub const SCENE_EXTENSIONS: &[&str] = &["toml", "gltf", "glb", "obj", "xml", "pbrt", "rad"];
 
 const KNOWN_TYPES: &str =
-    "give a .toml, .gltf, .glb, .obj, .xml or .pbrt file, or a folder that holds scene.toml";
+    "give a .toml, .gltf, .glb, .obj, .xml, .pbrt or .rad file, or a folder that holds scene.toml";
 
 const FROM_BLENDER: &str = "in Blender, choose File > Export > glTF 2.0 and give the .glb file, or \
                             render with the add-on (docs/how-to/blender.md)";
 
 /// Reads a `.toml` scene file, a folder that holds `scene.toml`, a `.gltf`, `.glb` or `.obj` file,
-/// an `.xml` file of Mitsuba, or a `.pbrt` file of pbrt-v4.
+/// an `.xml` file of Mitsuba, a `.pbrt` file of pbrt-v4, or a `.rad` file of Radiance.
 ///
 /// # Errors
 /// Names the file and, where there is one, the line or the JSON element that cannot be read.
@@ -63,6 +64,7 @@ pub fn read(path: &Path, options: &ImportOptions) -> Result<Imported> {
         "obj" => obj::read,
         "xml" => mitsuba::read,
         "pbrt" => pbrt::read,
+        "rad" => radiance::read,
         "blend" => {
             return Err(Error::new("files of Blender cannot be read", FROM_BLENDER).at(path));
         }

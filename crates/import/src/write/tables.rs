@@ -6,8 +6,8 @@ use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::names::for_line;
 use bdpm_core::scene::transform::MAX_COORDINATE;
 use bdpm_core::scene::{
-    Emitter, Environment, Extent, Falloff, FieldOfView, MeterKind, MeterSet, Optics, Region, Scene,
-    Spot,
+    Emitter, Environment, Extent, Falloff, FieldOfView, MeterKind, MeterSet, Optics, Region,
+    Requirement, Scene, Spot,
 };
 use bdpm_core::settings::PartialSettings;
 use glam::Vec3;
@@ -107,10 +107,25 @@ pub(super) fn regions(regions: &[Region]) -> String {
     if text.is_empty() { text } else { format!("\n[regions]\n{text}") }
 }
 
+/// The keys of a requirement.
+fn required(requirement: &Requirement) -> String {
+    let Requirement { mean, uniformity, daylight_factor, maintenance } = *requirement;
+    let maintenance = (maintenance != 1.0).then_some(maintenance);
+    let keys = [
+        ("required_mean", mean),
+        ("required_uniformity", uniformity),
+        ("maintenance_factor", maintenance),
+    ];
+    let given = keys.into_iter().filter_map(|(key, value)| Some(format!("{key} = {:?}\n", value?)));
+    let daylight = daylight_factor
+        .map(|[target, least]| format!("required_daylight_factor = [{target:?}, {least:?}]\n"));
+    given.chain(daylight).collect()
+}
+
 /// `[[meter]]` tables of meters of a scene.
 pub(super) fn meters(sets: &[MeterSet], scene: &Scene) -> String {
     let mut text = String::new();
-    for MeterSet { name, kind, grid, frame, meters } in sets {
+    for MeterSet { name, kind, grid, frame, meters, requirement } in sets {
         let Some(meter) = meters.first() else { continue };
         let axis = point(unnormalized(meter.normal));
         let name = toml::Value::String(name.clone());
@@ -137,7 +152,7 @@ pub(super) fn meters(sets: &[MeterSet], scene: &Scene) -> String {
                 )
             }
         };
-        let _ = write!(text, "\n[[meter]]\nname = {name}\n{keys}");
+        let _ = write!(text, "\n[[meter]]\nname = {name}\n{keys}{}", required(requirement));
     }
     text
 }

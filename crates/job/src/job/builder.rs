@@ -44,6 +44,7 @@ impl RenderJob {
             reserve_per_pixel: Duration::ZERO,
             started: None,
             min_iterations: 1,
+            fewer_camera_paths: false,
             schedule: MeasureSchedule::default(),
             pixel_noise: false,
             aovs: AovSelection::default(),
@@ -152,6 +153,13 @@ impl RenderJob {
     #[must_use]
     pub fn at_least(self, iterations: u64) -> Self {
         Self { min_iterations: iterations, ..self }
+    }
+
+    /// Renders with fewer camera paths than the settings have, where its fewest iterations would
+    /// not fit in the time.
+    #[must_use]
+    pub fn fewer_camera_paths(self, fewer: bool) -> Self {
+        Self { fewer_camera_paths: fewer, ..self }
     }
 
     /// Accumulates these layers beside the image.

@@ -23,8 +23,9 @@ use std::time::{Duration, Instant};
 /// Least share of the given time for rendering where the denoiser takes longer than the rest.
 const LEAST_RENDERING: f64 = 0.5;
 
-/// Maximum share of the given time for a denoiser that nobody asked for.
-const MOST_DENOISING: f64 = 0.2;
+/// Maximum share of the given time for a denoiser that nobody asked for: few iterations need it
+/// more than twice as many would.
+const MOST_DENOISING: f64 = 0.4;
 
 fn takes_too_long(denoising: &Denoising, stop: &Stop) -> bool {
     stop.time.is_some_and(|time| denoising.reserve() > time.mul_f64(MOST_DENOISING))

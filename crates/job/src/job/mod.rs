@@ -120,6 +120,7 @@ pub struct RenderJob {
     reserve_per_pixel: Duration,
     started: Option<Instant>,
     min_iterations: u64,
+    fewer_camera_paths: bool, // where the time is too short for those of the settings
     schedule: MeasureSchedule,
     pixel_noise: bool,
     aovs: AovSelection,
@@ -249,6 +250,7 @@ impl RenderJob {
             }
         };
         let build_time = start.elapsed();
+        let settings = threads.install(|| self.fitting(&scene, &accel, settings))?;
         let provenance = provenance(&scene, backend, settings);
         if let Some((made_by, file, reuse)) = earlier {
             made_by.check_agrees(&provenance, reuse).map_err(|e| e.at(file))?;
@@ -271,15 +273,6 @@ impl RenderJob {
                     && stop.iterations.is_none()
                     && *schedule == MeasureSchedule::default()
             }
-        }
-    }
-
-    /// The plan that is rendered, if there is one.
-    fn planned(&self) -> Option<&Plan> {
-        match &self.start {
-            Start::New => None,
-            Start::Plan { plan, .. } => Some(plan),
-            Start::Checkpoint { checkpoint, .. } => checkpoint.plan.as_ref(),
         }
     }
 

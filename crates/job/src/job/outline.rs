@@ -4,6 +4,7 @@ use super::audit::AuditPace;
 use super::denoise_mode::Denoise;
 use super::{Denoising, Prepared, RenderJob, Start, check_time};
 use crate::mpi::{Ranks, SingleProcess};
+use bdpm_auto::adaptive::plan::Plan;
 use bdpm_auto::adaptive::stopping::Stop;
 use bdpm_auto::adaptive::technique::FreeParameters;
 use bdpm_auto::adaptive::time_probe;
@@ -120,6 +121,15 @@ impl RenderJob {
         let settings = &provenance.settings;
         let needed = (self.min_iterations, &counts);
         threads.install(|| check_time(scene, accel, settings, time, needed))
+    }
+
+    /// The plan that is rendered, if there is one.
+    pub(super) fn planned(&self) -> Option<&Plan> {
+        match &self.start {
+            Start::New => None,
+            Start::Plan { plan, .. } => Some(plan),
+            Start::Checkpoint { checkpoint, .. } => checkpoint.plan.as_ref(),
+        }
     }
 
     /// Number of iterations of the checkpoint that is resumed.

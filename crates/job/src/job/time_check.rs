@@ -1,5 +1,6 @@
 //! Checks that the given time suffices for an iteration.
 
+use super::RenderJob;
 use bdpm_auto::adaptive::time_probe;
 use bdpm_core::accel::Intersect;
 use bdpm_core::base::error::{Error, Result};
@@ -17,6 +18,36 @@ const WARN_OVER: f64 = 1.5;
 
 /// Minimum time for the comparison, seconds. Shorter times request the shortest possible render.
 const MIN_TIME: f64 = 1.0;
+
+/// Time of an iteration that lists all pairs over that of one that measures nothing, and areas that
+/// are new: an estimate for the first iterations of large images.
+const MEASURED: f64 = 2.5;
+
+/// Minimum number of camera paths of which pairs exist.
+const LEAST_CAMERA_PATHS: u32 = 2;
+
+impl RenderJob {
+    /// The settings, if they may not have fewer camera paths. Else with as many of them, up to
+    /// their own number, as let the fewest iterations fit in the time.
+    pub(super) fn fitting(
+        &self,
+        scene: &Arc<Scene>,
+        accel: &Arc<dyn Intersect>,
+        settings: Settings,
+    ) -> Result<Settings> {
+        let Some(time) = self.stop.time.filter(|_| self.fewer_camera_paths) else {
+            return Ok(settings);
+        };
+        let times = time_probe::min_times(scene, accel, &settings)?;
+        let fits = |camera_paths: &u32| {
+            let one = times.iteration(settings.light_paths.into(), f64::from(*camera_paths));
+            self.min_iterations as f64 * MEASURED * one <= time.as_secs_f64()
+        };
+        let least = LEAST_CAMERA_PATHS.min(settings.camera_paths);
+        let camera_paths = (least..=settings.camera_paths).rev().find(fits).unwrap_or(least);
+        Ok(Settings { camera_paths, ..settings })
+    }
+}
 
 /// Estimates by a short measurement the time of `min_iterations` iterations at these path counts.
 /// Returns a warning if it is notably longer than `time`.

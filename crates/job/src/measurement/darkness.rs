@@ -5,7 +5,7 @@
 //! have, with a probability of 95 %, at most the probability `3/n` (the rule of three). theory.md
 //! (5f)
 
-use super::reading::Reading;
+use super::reading::{RULE_OF_THREE, Reading};
 use super::render_meters::OfSet;
 use bdpm_core::accel::{Intersect, Ray};
 use bdpm_core::base::math::{Bounds, Rgb};
@@ -18,9 +18,6 @@ use std::ops::Range;
 
 /// Minimum number of camera paths of a meter before none of them with light bounds its light.
 const DARK_PATHS: f64 = 16384.0;
-
-/// Trials without an event bound its probability, with 95 %, by this number over theirs.
-const RULE_OF_THREE: f64 = 3.0;
 
 /// Paths of a render job so far.
 #[derive(Clone, Copy, Debug, Default)]

@@ -17,12 +17,14 @@ mod mean_series;
 mod polarization;
 mod reading;
 mod render_meters;
+mod requirement;
 mod results;
 mod room_glare;
 mod warnings;
 
 pub use extremes::Estimated;
 pub use reading::{Reading, SampleTail, quantity, unit};
+pub use requirement::{Judged, Verdict};
 pub use results::{Measurement, MeterPlace, SetReadings};
 pub use room_glare::{LuminaireGlare, RoomGlare};
 pub use warnings::lost_light;
@@ -68,6 +70,7 @@ pub struct MeasureJob {
     time: Option<Duration>,
     means_only: bool,
     by_light: bool,
+    outdoors: Option<f64>,
     backend: Backend,
     threads: Option<Arc<ThreadPool>>,
     interrupt: Arc<AtomicBool>,
@@ -97,6 +100,7 @@ impl MeasureJob {
             time: None,
             means_only: false,
             by_light: false,
+            outdoors: None,
             backend: Backend::default(),
             threads: None,
             interrupt: Arc::default(),
@@ -141,6 +145,13 @@ impl MeasureJob {
         Self { by_light, ..self }
     }
 
+    /// Measures daylight factors: the illuminance by the environment alone, in percent of this
+    /// illuminance outdoors, lx. The environment is then that of an overcast sky.
+    #[must_use]
+    pub fn daylight_factor(self, outdoors: impl Into<Option<f64>>) -> Self {
+        Self { outdoors: outdoors.into(), ..self }
+    }
+
     /// Finds intersections with this backend.
     #[must_use]
     pub fn backend(self, backend: Backend) -> Self {
@@ -168,10 +179,7 @@ impl MeasureJob {
         mut observer: impl FnMut(MeasureProgress) -> ControlFlow<()>,
     ) -> Result<Measurement> {
         let start = Instant::now();
-        if self.sets.iter().all(|set| set.meters.is_empty()) {
-            let advice = "add a `[[meter]]` table to the scene file, or give a table of meters";
-            return Err(Error::new("the scene has no meters", advice));
-        }
+        self.check()?;
         let target = self.target.or(self.time.is_none().then_some(DEFAULT_TARGET));
         let accel = backend::build(self.backend, &self.loaded.scene)?;
         let groups = self.groups()?;
@@ -207,15 +215,14 @@ impl MeasureJob {
                     OneKind { job: &self, scene, accel: &accel, kind: *kind, sets: &sets };
                 let own = of_kind.run(target, time, &mut watched)?;
                 measurement.add(name, &own);
-                for ((index, _), (readings, mean)) in sets.iter().zip(own.readings) {
-                    measurement.sets[*index].add_group(name, readings, mean);
+                let seen = own.readings.into_iter().zip(own.open);
+                for ((index, _), ((readings, mean), open)) in sets.iter().zip(seen) {
+                    measurement.sets[*index].add_group(name, readings, mean, open);
                 }
             }
         }
         for set in &mut measurement.sets {
-            if !self.by_light {
-                set.groups.clear();
-            }
+            set.finish(self.outdoors, self.by_light);
             let worst = set.worst(self.means_only);
             measurement.reached &= target.is_none_or(|target| worst <= target);
         }
@@ -224,23 +231,61 @@ impl MeasureJob {
         Ok(measurement)
     }
 
+    /// Checks that there are meters, and that daylight factors can be measured, if they are.
+    fn check(&self) -> Result<()> {
+        check_meters(&self.sets)?;
+        if self.outdoors.is_none() {
+            return Ok(());
+        }
+        if self.by_light {
+            let advice = "remove --by-light, or measure in lux";
+            return Err(Error::new("the daylight factor has the light of the sky alone", advice));
+        }
+        check_illuminance(&self.sets)
+    }
+
     /// Groups of lights, each with its name and the scene that has only its lights.
     fn groups(&self) -> Result<Vec<(String, Arc<Scene>)>> {
         let scene = &self.loaded.scene;
+        if self.outdoors.is_some() {
+            let sky = scene.with_only(&[LightSource::Environment])?;
+            return Ok(vec![("sky".into(), Arc::new(sky))]);
+        }
         if !self.by_light {
             return Ok(vec![("all lights".into(), Arc::clone(scene))]);
-        }
-        // Lights and materials of one name are one group.
-        let mut groups: Vec<(String, Vec<LightSource>)> = Vec::new();
-        for (source, name) in scene.light_sources() {
-            match groups.iter_mut().find(|(own, _)| *own == name) {
-                Some((_, sources)) => sources.push(source),
-                None => groups.push((name, vec![source])),
-            }
         }
         let only = |(name, sources): (String, Vec<LightSource>)| {
             Ok((name, Arc::new(scene.with_only(&sources)?)))
         };
-        groups.into_iter().map(only).collect()
+        light_groups(scene).into_iter().map(only).collect()
     }
+}
+
+/// Checks that there are meters.
+pub(crate) fn check_meters(sets: &[MeterSet]) -> Result<()> {
+    if sets.iter().all(|set| set.meters.is_empty()) {
+        let advice = "add a `[[meter]]` table to the scene file, or give a table of meters";
+        return Err(Error::new("the scene has no meters", advice));
+    }
+    Ok(())
+}
+
+/// Checks that all meters measure illuminance.
+pub(crate) fn check_illuminance(sets: &[MeterSet]) -> Result<()> {
+    let Some(set) = sets.iter().find(|set| set.kind == MeterKind::Radiance) else { return Ok(()) };
+    let problem = format!("the meter `{}` measures luminance", set.name);
+    Err(Error::new(problem, "give meters with a `normal`: daylight is illuminance"))
+}
+
+/// Light sources of a scene by their names, in the order of the scene: lights and materials of one
+/// name are one group.
+pub fn light_groups(scene: &Scene) -> Vec<(String, Vec<LightSource>)> {
+    let mut groups: Vec<(String, Vec<LightSource>)> = Vec::new();
+    for (source, name) in scene.light_sources() {
+        match groups.iter_mut().find(|(own, _)| *own == name) {
+            Some((_, sources)) => sources.push(source),
+            None => groups.push((name, vec![source])),
+        }
+    }
+    groups
 }

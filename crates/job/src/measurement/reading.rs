@@ -9,6 +9,9 @@ use serde::Serialize;
 /// all carry then hold with 95 to 97 %.
 const UNSEEN_FACTOR: f64 = 3.0;
 
+/// Trials without an event bound its probability, with 95 %, by this number over theirs.
+pub(super) const RULE_OF_THREE: f64 = 3.0;
+
 /// Share of the interval without it from which the light that was hardly seen makes the interval
 /// uncertain.
 const UNSEEN_SHARE: f64 = 0.5;
@@ -72,6 +75,18 @@ impl Reading {
         Self { expanded: self.expanded + skewed + unseen, ..self }
     }
 
+    /// The reading of so many paths of equal light, whose interval holds what one that was never
+    /// traced may lack: with a probability of 95 %, an event that no path had has a probability of
+    /// at most three over their number. theory.md (5f)
+    #[must_use]
+    pub(super) fn with_unseen_dark(self, paths: f64) -> Self {
+        let unseen = RULE_OF_THREE * (self.indirect() / paths).max(0.0);
+        match self.has_uncertainty() {
+            true => Self { expanded: self.expanded.max(self.bias + unseen), ..self },
+            false => self,
+        }
+    }
+
     /// Returns true if the interval of these samples is open above: so few of them carry much of
     /// the light that there may be more than any interval of them says. The reading is that before
     /// [`Self::with_tail`].
@@ -88,6 +103,15 @@ impl Reading {
     pub(super) fn dark(bound: f64, seen: &Self) -> Self {
         let expanded = seen.expanded + bound * f64::from(LUMENS_PER_WATT);
         Self { expanded, bias: seen.bias, ..Self::default() }
+    }
+
+    /// The reading in another unit, of which one of its own is so many.
+    #[must_use]
+    pub(super) fn times(&self, factor: f64) -> Self {
+        let Self { value, noise, bias, expanded, direct } = *self;
+        let [value, noise, bias, expanded, direct] =
+            [value, noise, bias, expanded, direct].map(|own| factor * own);
+        Self { value, noise, bias, expanded, direct }
     }
 
     /// A reading that is not known: all numbers are NaN.
@@ -158,6 +182,17 @@ pub fn quantity(kind: MeterKind) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn equal_paths_bound_what_none_of_them_had() {
+        let reading =
+            |expanded, direct| Reading { value: 300.0, noise: 0.0, bias: 0.0, expanded, direct };
+        let bound = |own: Reading| own.with_unseen_dark(1000.0).expanded;
+        assert!((bound(reading(0.0, 100.0)) - 3.0 * 200.0 / 1000.0).abs() < 1e-12);
+        assert_eq!(bound(reading(2.0, 100.0)), 2.0);
+        assert_eq!(bound(reading(0.0, 300.0)), 0.0);
+        assert!(bound(reading(f64::NAN, 100.0)).is_nan());
+    }
 
     #[test]
     fn relative_uncertainties_of_dark_and_unknown_readings_are_numbers() {

@@ -13,7 +13,7 @@ use bdpm_core::accel::Intersect;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::film::aov::AovSelection;
 use bdpm_core::film::radiance::luminance;
-use bdpm_core::render::block::CombinedImage;
+use bdpm_core::render::block::{Block, CombinedImage};
 use bdpm_core::scene::{MeterKind, MeterSet, Scene};
 use bdpm_core::settings::{MAX_IMAGE_SIDE, PartialSettings};
 use bdpm_load::Loaded;
@@ -268,18 +268,26 @@ fn seen_light(state: &RenderState, series: &MeanSeries, columns: &[Range<usize>]
     let of_means = series.variances(image.weights());
     let (tails, meters) = (series.tails(image.weights()), values.len());
     let mut open = vec![0; columns.len()];
+    // Meters whose light looks certain have fewer paths than others.
+    let paths = |column: usize| -> f64 {
+        let of_block = |block: &Block| {
+            block.film.iterations as f64 * f64::from(block.counts.camera_paths.at(column))
+        };
+        blocks.iter().map(of_block).sum()
+    };
     let of_set = |(set, (columns, variance)): (usize, (&Range<usize>, f64))| {
         let mut reading = |column: usize| {
             let (value, direct) = (values[column], direct[column]);
             let own = Reading::new(value, variances[column], bias, direct, samples);
             open[set] += usize::from(own.is_open(&tails[column]));
-            own.with_tail(&tails[column])
+            own.with_tail(&tails[column]).with_unseen_dark(paths(column))
         };
         let mean =
             |values: &[f64]| values[columns.clone()].iter().sum::<f64>() / columns.len() as f64;
         let of_meters = columns.clone().map(&mut reading).collect();
         let mean = Reading::new(mean(&values), variance, bias, mean(&direct), samples);
-        (of_meters, mean.with_tail(&tails[meters + set]))
+        let all = columns.clone().map(paths).sum();
+        (of_meters, mean.with_tail(&tails[meters + set]).with_unseen_dark(all))
     };
     let sets = columns.iter().zip(of_means).enumerate().map(of_set).collect();
     SeenLight { sets, open }

@@ -6,7 +6,7 @@ use super::polarization::note as polarization_note;
 use super::reading::{Reading, quantity, unit};
 use super::render_meters::{JobReadings, OfSet, technique};
 use super::warnings::unknown_bias;
-use bdpm_core::scene::{MeterKind, MeterSet, Scene};
+use bdpm_core::scene::{MeterKind, MeterSet, Requirement, Scene};
 use glam::{DVec3, Vec3};
 use std::time::Duration;
 
@@ -107,8 +107,14 @@ pub struct SetReadings {
     pub grid: [u32; 2],
     /// Places of all meters, row by row.
     pub places: Vec<MeterPlace>,
+    /// Whether they are daylight factors, percent.
+    pub is_daylight_factor: bool,
+    /// What is required of them.
+    pub requirement: Requirement,
     /// Readings of all meters, row by row.
     pub readings: Vec<Reading>,
+    /// Number of meters whose intervals are open above.
+    pub open: usize,
     /// Mean over the meters.
     pub mean: Reading,
     /// Names of groups of lights with the readings of all meters and their mean, if lights were
@@ -121,12 +127,30 @@ impl SetReadings {
     pub fn single(name: &str, kind: MeterKind, reading: Reading) -> Self {
         let (readings, mean) = (vec![reading], reading);
         let (name, places) = (name.to_owned(), vec![MeterPlace::default()]);
-        Self { name, kind, grid: [1, 1], places, readings, mean, groups: Vec::new() }
+        let (is_daylight_factor, requirement) = (false, Requirement::default());
+        let (grid, open, groups) = ([1, 1], 0, Vec::new());
+        Self {
+            name,
+            kind,
+            grid,
+            places,
+            is_daylight_factor,
+            requirement,
+            readings,
+            open,
+            mean,
+            groups,
+        }
     }
 
     /// Unit of the readings.
     pub fn unit(&self) -> &'static str {
-        unit(self.kind)
+        if self.is_daylight_factor { "%" } else { unit(self.kind) }
+    }
+
+    /// Name of the quantity.
+    pub fn quantity(&self) -> &'static str {
+        if self.is_daylight_factor { "daylight factor" } else { quantity(self.kind) }
     }
 
     /// Minimum and maximum of the true values; unknown if one reading is.
@@ -151,8 +175,28 @@ impl SetReadings {
         worst(&self.readings, &self.mean, means_only)
     }
 
+    /// Ends the measurement. Illuminances become daylight factors, percent of that outdoors, if it
+    /// is given, lx.
+    pub(super) fn finish(&mut self, outdoors: Option<f64>, by_light: bool) {
+        if !by_light {
+            self.groups.clear();
+        }
+        let Some(outdoors) = outdoors else { return };
+        let share = |own: &Reading| own.times(100.0 / outdoors);
+        self.readings = self.readings.iter().map(share).collect();
+        self.mean = share(&self.mean);
+        self.is_daylight_factor = true;
+    }
+
     /// Adds the readings of a group of lights. Sums with an unknown reading are unknown.
-    pub(super) fn add_group(&mut self, name: &str, readings: Vec<Reading>, mean: Reading) {
+    pub(super) fn add_group(
+        &mut self,
+        name: &str,
+        readings: Vec<Reading>,
+        mean: Reading,
+        open: usize,
+    ) {
+        self.open += open;
         if self.readings.is_empty() {
             (self.readings, self.mean) = (readings.clone(), mean);
         } else {
@@ -173,7 +217,10 @@ pub(super) fn empty_readings(set: &MeterSet, scene: &Scene) -> SetReadings {
         kind: set.kind,
         grid: set.grid,
         places: places.collect(),
+        is_daylight_factor: false,
+        requirement: set.requirement,
         readings: Vec::new(),
+        open: 0,
         mean: Reading::default(),
         groups: Vec::new(),
     }

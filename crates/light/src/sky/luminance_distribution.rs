@@ -26,6 +26,20 @@ const CIE: [[f64; 5]; 15] = [
     [-1.0, -0.15, 24.0, -2.8, 0.15],
 ];
 
+/// Number of the traditional overcast sky (Moon and Spencer 1942), whose luminance is
+/// `(1 + 2 sin gamma)/3` of that of the zenith: ISO 15469:2004, type 16.
+const TRADITIONAL: u32 = 16;
+
+/// Parameters of a type. Those of the traditional overcast sky are for its indicatrix alone, which
+/// is 1.
+fn parameters(kind: u32) -> Option<[f64; 5]> {
+    if kind == TRADITIONAL {
+        return Some([0.0, -1.0, 0.0, -1.0, 0.0]);
+    }
+    let index = (kind as usize).checked_sub(1)?;
+    CIE.get(index).copied()
+}
+
 /// Coefficients 1 to 4 of `a` to `e` for each category of clearness: Perez et al. 1993, table 1.
 const PEREZ: [[[f64; 4]; 5]; 8] = [
     [
@@ -117,6 +131,8 @@ pub struct LuminanceDistribution {
     e: f64,
     /// Subtracted within the indicatrix.
     offset: f64,
+    /// Whether the gradation is that of the traditional overcast sky.
+    is_traditional: bool,
     /// Unit vector toward the sun.
     sun: DVec3,
     /// Radiance over the relative value, W/(m^2 sr).
@@ -124,19 +140,21 @@ pub struct LuminanceDistribution {
 }
 
 impl LuminanceDistribution {
-    /// The CIE general sky of a type from 1 to 15 with this horizontal irradiance, W/m^2. The unit
-    /// vector `sun` points toward the sun in a frame with +y up.
+    /// The CIE general sky of a type from 1 to 15, or with 16 the traditional overcast sky of Moon
+    /// and Spencer, with this horizontal irradiance, W/m^2. The unit vector `sun` points toward the
+    /// sun in a frame with +y up.
     ///
     /// # Errors
     /// If there is no such type.
     pub fn cie(kind: u32, irradiance: f64, sun: DVec3) -> Result<Self> {
-        let found = (kind as usize).checked_sub(1).and_then(|index| CIE.get(index));
-        let Some(&[a, b, c, d, e]) = found else {
-            let advice = "give a type from 1 (overcast) to 15 (turbid), 12 is the clear sky";
+        let Some([a, b, c, d, e]) = parameters(kind) else {
+            let advice = "give a type from 1 (overcast) to 15 (turbid), 12 is the clear sky, or 16, the \
+                          traditional overcast sky";
             return Err(Error::new(format!("the CIE has no sky of type {kind}"), advice));
         };
         let offset = c * (d * FRAC_PI_2).exp();
-        Ok(Self { a, b, c, d, e, offset, sun, scale: 1.0 }.scaled(irradiance))
+        let is_traditional = kind == TRADITIONAL;
+        Ok(Self { a, b, c, d, e, offset, is_traditional, sun, scale: 1.0 }.scaled(irradiance))
     }
 
     /// The sky of a condition with this horizontal irradiance, W/m^2.
@@ -144,6 +162,14 @@ impl LuminanceDistribution {
     /// # Errors
     /// If there is no such sky: the diffuse irradiance is too small or too large.
     pub fn perez(condition: SkyCondition, irradiance: f64, sun: DVec3) -> Result<Self> {
+        Ok(Self::perez_relative(condition, sun)?.scaled(irradiance))
+    }
+
+    /// As [`Self::perez`], with radiances in proportion to those of the sky.
+    ///
+    /// # Errors
+    /// As [`Self::perez`].
+    pub fn perez_relative(condition: SkyCondition, sun: DVec3) -> Result<Self> {
         let SkyCondition { zenith, clearness, brightness } = condition;
         if !(0.01..=0.6).contains(&brightness) || !(1.0..=12.1).contains(&clearness) {
             let problem = format!(
@@ -170,7 +196,8 @@ impl LuminanceDistribution {
             [linear(c), linear(d)]
         };
         let [a, b, e] = [a, b, e].map(linear);
-        Ok(Self { a, b, c, d, e, offset: 0.0, sun, scale: 1.0 }.scaled(irradiance))
+        let (offset, is_traditional) = (0.0, false);
+        Ok(Self { a, b, c, d, e, offset, is_traditional, sun, scale: 1.0 })
     }
 
     /// This distribution with this horizontal irradiance, W/m^2.
@@ -181,8 +208,7 @@ impl LuminanceDistribution {
 
     /// Returns true if a type of the CIE general sky is the same for all positions of the sun.
     pub fn is_sunless(kind: u32) -> bool {
-        let found = (kind as usize).checked_sub(1).and_then(|index| CIE.get(index));
-        found.is_some_and(|&[_, _, c, _, e]| c == 0.0 && e == 0.0)
+        parameters(kind).is_some_and(|[_, _, c, _, e]| c == 0.0 && e == 0.0)
     }
 
     /// Radiance from a unit direction, W/(m^2 sr); 0 from below the horizon.
@@ -192,7 +218,10 @@ impl LuminanceDistribution {
             return 0.0;
         }
         let cos_gamma = direction.dot(self.sun).clamp(-1.0, 1.0);
-        let gradation = 1.0 + self.a * (self.b / direction.y.max(LEAST_COSINE)).exp();
+        let gradation = match self.is_traditional {
+            true => (1.0 + 2.0 * direction.y) / 3.0,
+            false => 1.0 + self.a * (self.b / direction.y.max(LEAST_COSINE)).exp(),
+        };
         let around_sun = self.c * (self.d * cos_gamma.acos()).exp() - self.offset;
         let indicatrix = 1.0 + around_sun + self.e * cos_gamma * cos_gamma;
         (self.scale * gradation * indicatrix).max(0.0)

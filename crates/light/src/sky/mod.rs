@@ -5,11 +5,13 @@
 mod efficacy;
 mod hosek_wilkie;
 mod luminance_distribution;
+mod patches;
 mod sun_position;
 
 pub use efficacy::SkyCondition;
 pub use hosek_wilkie::{HosekWilkie, LUMINOUS_WIDTH, cone, sun_irradiance};
 pub use luminance_distribution::LuminanceDistribution;
+pub use patches::SkyPatches;
 pub use sun_position::{PlaceAndTime, eccentricity};
 
 use bdpm_core::base::error::{Error, Result};

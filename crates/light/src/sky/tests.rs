@@ -163,3 +163,17 @@ fn pixels_of_the_map_match_the_model() {
         assert!(beyond.iter().all(|height| *height < 0.025), "{beyond:?}");
     }
 }
+
+/// The traditional overcast sky: a third of the zenith's luminance at the horizon, and 7/9 pi of it
+/// on the horizontal (Moon and Spencer 1942).
+#[test]
+fn traditional_overcast_sky_has_its_gradation() {
+    let own = LuminanceDistribution::cie(16, 10.0, DVec3::Y).unwrap();
+    let at = |y: f64| own.radiance(DVec3::new((1.0 - y * y).sqrt(), y, 0.0));
+    assert!((at(1.0) / (10.0 * 9.0 / (7.0 * PI)) - 1.0).abs() < 1e-4, "{}", at(1.0));
+    for y in [0.0, 0.2, 0.5, 0.9] {
+        assert!((at(y) / at(1.0) - (1.0 + 2.0 * y) / 3.0).abs() < 1e-12, "{y}");
+    }
+    assert!(LuminanceDistribution::is_sunless(16) && !LuminanceDistribution::is_sunless(17));
+    assert!(LuminanceDistribution::cie(17, 10.0, DVec3::Y).is_err());
+}

@@ -219,7 +219,11 @@ impl Convergence {
         let value = noise2 * left;
         let noise = SquaredPart { value, deviation: value * relative };
         let bias = self.squared_bias(stop);
-        relative.is_finite().then(|| ErrorInterval::new(noise, bias, left < 1.0))
+        let interval = ErrorInterval::new(noise, bias, left < 1.0);
+        // What differs between the pixels of a cell counts as noise of their paths.
+        let is_bound = self.variance.is_none();
+        let interval = if is_bound { interval.open_below() } else { interval };
+        relative.is_finite().then_some(interval)
     }
 
     /// The weighted variance relative to the squared luminance of each pixel, or of the mean.

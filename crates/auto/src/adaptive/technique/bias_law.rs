@@ -80,6 +80,15 @@ impl BiasPrior {
         Self { square, spread, falls_to: TYPICAL_FALL, minimum }
     }
 
+    /// Prior of photons of a class or, where there is one, of a cache in place of diffuse photons.
+    /// The radius is given in widths of what the image shows.
+    pub fn of(class: PhotonClass, technique: Technique, radius: f64) -> Self {
+        match technique.strategy.has_cache() && class == PhotonClass::Diffuse {
+            true => Self::of_cache(),
+            false => Self::new(class, technique, radius),
+        }
+    }
+
     /// Prior at a radius that is given in widths of what the image shows.
     pub fn new(class: PhotonClass, technique: Technique, radius: f64) -> Self {
         let disc = technique.kernel == Kernel::Disc;

@@ -7,7 +7,7 @@ use crate::adaptive::count_choice::{least_light_paths, min_iterations_after_choi
 use crate::adaptive::stopping::{MIN_ITERATIONS_TO_TARGET, MIN_NOISE_SHARE};
 use crate::timing::TimeModel;
 use bdpm_core::noise::Coefficients;
-use bdpm_core::render::bias_correction::shrinkage;
+use bdpm_core::render::bias_correction::shrinkage_of_photons;
 use bdpm_core::settings::Settings;
 use bdpm_core::transport::kernel::ByClass;
 use bdpm_core::transport::photon::PhotonClass;
@@ -41,12 +41,17 @@ const CAUTION: f64 = 0.3;
 pub struct CandidateCost {
     /// Light paths fill a cache.
     pub has_cache: bool,
+    /// Pixels share the light of light paths, of which there are some whether or not trials saw
+    /// any of it.
+    pub shares_light: bool,
     /// Time of all processes together, or the error to reach.
     pub end: End,
     /// Number of processes that share the iterations.
     pub ranks: u32,
     /// Light paths of an iteration that the memory allows.
     pub max_light_paths: u32,
+    /// Light paths of an iteration; `None` for the best number.
+    pub light_paths: Option<f64>,
     /// Settings that the pilot may choose.
     pub open: FreeParameters,
     /// Whether the merge bias is corrected where it stands out from the noise.
@@ -97,6 +102,8 @@ pub struct Best {
     pub(super) bias2: f64,
     pub(super) bias2_error: f64,
     pub(super) times: TimeModel,
+    /// Relative coefficients of the image, before it is denoised.
+    pub(super) coefficients: Coefficients,
     /// Variance before denoising over `noise2`.
     pub(super) before_denoising: f64,
     /// Factor on `noise2` where candidates are compared.
@@ -164,6 +171,7 @@ impl CandidateCost {
                 bias2: left.bias,
                 bias2_error: merged.iter().map(|m| m.error * m.error).sum::<f64>().sqrt(),
                 times: *times,
+                coefficients: *coefficients,
                 before_denoising: 1.0,
                 seen: 1.0,
                 tried: false,
@@ -186,13 +194,17 @@ impl CandidateCost {
     /// The best number of light paths at this number of camera paths, where an iteration has a
     /// variance without and with light paths. theory.md (93c)
     fn light_paths(&self, times: &TimeModel, n_camera: f64, [camera, light]: [f64; 2]) -> f64 {
+        if let Some(known) = self.light_paths {
+            return known;
+        }
         let ([base, per_light_path], longest) =
             (times.in_light_paths(n_camera), self.longest_iteration());
         let allowed = ((longest - base) / per_light_path).max(base / per_light_path);
         let optimum = (base * light / (per_light_path * camera)).sqrt();
         let most = f64::from(self.max_light_paths).min(allowed);
-        let least = if light > 0.0 { least_light_paths(times, self.has_cache) } else { 0.0 };
-        if optimum.is_nan() { 2.0 } else { optimum.max(least).min(most).max(2.0) }
+        let least = if self.shares_light { least_light_paths(times, self.has_cache) } else { 0.0 };
+        let optimum = if optimum.is_nan() { 0.0 } else { optimum };
+        optimum.max(least).min(most).max(2.0)
     }
 
     /// Iterations and seconds to the end, and the error there, from the time of an iteration and
@@ -232,7 +244,7 @@ impl CandidateCost {
             return SquaredError { noise: 0.0, bias: square };
         }
         let outer = square / (1.0 + left).powi(2);
-        let share = shrinkage(outer / BIASED_PIXELS, variance);
+        let share = shrinkage_of_photons(outer / BIASED_PIXELS, variance);
         SquaredError {
             noise: BIASED_PIXELS * share * share * variance,
             bias: (1.0 - share + left).powi(2) * outer,
@@ -362,9 +374,11 @@ pub mod tests {
     pub fn demand(end: End) -> CandidateCost {
         CandidateCost {
             has_cache: false,
+            shares_light: true,
             end,
             ranks: 1,
             max_light_paths: 1 << 24,
+            light_paths: None,
             open: FreeParameters::ALL,
             corrects_bias: false,
             requested: [1.0; 2],

@@ -17,6 +17,8 @@ pub struct SceneTraits {
     /// Camera paths cannot find all light, or hardly: light sources that no ray can hit, or a sun
     /// in a map, may show in mirrors or through glass.
     pub needs_photons: bool,
+    /// Mirrors or glass may cast caustics.
+    pub has_casters: bool,
     /// Weights of several techniques with photons hold in the media of the scene.
     pub may_weight: bool,
     /// Media scatter light.
@@ -39,14 +41,22 @@ impl SceneTraits {
             // Connections pass boundaries of media.
             passes && !own.is_index_matched_boundary()
         };
-        let needs_photons =
-            has_delta_lights && placed_materials(scene).any(is_smooth) || has_rare_sunlight(scene);
+        let has_casters = placed_materials(scene).any(is_smooth);
+        let needs_photons = has_delta_lights && has_casters || has_rare_sunlight(scene);
         let may_weight = scene.media().is_none_or(Media::allows_weighted_merges);
         let media_scatter = scene.media().is_some_and(Media::any_scatters);
         let is_dense = |media: &Media| media.largest_extinction() * scene.size() > DENSE;
         let media_are_dense = scene.media().is_some_and(is_dense);
         let has_meters = scene.meters().is_some();
-        Self { needs_photons, may_weight, media_scatter, media_are_dense, is_denoised, has_meters }
+        Self {
+            needs_photons,
+            has_casters,
+            may_weight,
+            media_scatter,
+            media_are_dense,
+            is_denoised,
+            has_meters,
+        }
     }
 }
 
@@ -69,10 +79,16 @@ impl Technique {
             if traits.is_denoised || !traits.may_weight {
                 all.push((Strategy::Single, 2));
             }
-            all.extend((!traits.needs_photons).then_some((Strategy::Path, 2)));
             // Most light in media that scatter does not come from surfaces.
-            let may_cache = !traits.needs_photons && !traits.media_scatter && !traits.has_meters;
-            all.extend(may_cache.then_some((Strategy::Gather, 2)));
+            let may_cache = !traits.media_scatter && !traits.has_meters;
+            if !traits.needs_photons {
+                all.push((Strategy::Path, 2));
+                all.extend(may_cache.then_some((Strategy::Gather, 2)));
+            }
+            if traits.may_weight && (traits.needs_photons || traits.has_casters) {
+                all.push((Strategy::PathCaustics, 2));
+                all.extend(may_cache.then_some((Strategy::GatherCaustics, 2)));
+            }
             all
         } else {
             vec![(own.strategy, own.merge_vertex)]
@@ -142,8 +158,12 @@ mod tests {
             let renderer = Renderer::new(&loaded.scene, &accel, settings.clone()).unwrap();
             let traits = SceneTraits::new(&renderer, false);
             let all = Technique::candidates(&settings, FreeParameters::ALL, traits);
-            let found = all.iter().any(|technique| technique.strategy == Strategy::Path);
-            assert_eq!(found, is_candidate, "{name}");
+            let has = |strategy| all.iter().any(|technique| technique.strategy == strategy);
+            assert_eq!(has(Strategy::Path), is_candidate, "{name}");
+            // Where it would miss light, photons of caustics find that.
+            let has_casters = name != "cornell-box";
+            let of_caustics = [Strategy::PathCaustics, Strategy::GatherCaustics];
+            assert_eq!(of_caustics.map(has), [has_casters; 2], "{name}");
         }
     }
 
@@ -182,6 +202,7 @@ mod tests {
         let gathers = |is_denoised| {
             let traits = SceneTraits {
                 needs_photons: false,
+                has_casters: false,
                 may_weight: true,
                 media_scatter: false,
                 media_are_dense: false,
@@ -205,6 +226,7 @@ mod tests {
             let is_denoised = false;
             let traits = SceneTraits {
                 needs_photons,
+                has_casters: false,
                 may_weight,
                 media_scatter,
                 media_are_dense,

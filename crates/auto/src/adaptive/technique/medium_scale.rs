@@ -167,7 +167,7 @@ impl Pilot<'_> {
             let time = RenderTime { times: scales.times(scale), start_up };
             let merged = scales.merged(scale);
             let demand = CandidateCost { medium_scale: scale, ..self.demand };
-            let own = (model.technique, model.blur(best.radii));
+            let own = model.seen(best.radii);
             let mut own = demand.evaluate_image(own, &coefficients, &time, &merged, best.radii);
             own.tried = best.tried;
             own
@@ -177,7 +177,7 @@ impl Pilot<'_> {
         let all = STEPS.map(|step| at(scale_at(best.medium_scale, step)));
         let other = all.min_by(|one, other| rank(one).total_cmp(&rank(other)));
         if let Some(other) = other.filter(|other| rank(other) < WORTHWHILE * rank(&own)) {
-            *best = other;
+            *best = self.with_beam_times((model, model.technique), other)?;
         }
         Ok(())
     }

@@ -9,6 +9,7 @@
 //! 22a.
 
 mod alternatives;
+mod beam_times;
 mod bias_law;
 mod candidate_cost;
 mod candidates;
@@ -16,6 +17,7 @@ mod compared_trials;
 mod lane;
 mod medium_scale;
 mod model;
+mod pair_time;
 mod pilot;
 mod race;
 mod seen_noise;
@@ -236,8 +238,12 @@ impl Technique {
             Strategy::Mis => "merging at vertices 1 and 2 and path tracing, weighted".to_owned(),
             Strategy::CutMis => "merging at vertices 1 and 2 and connections, weighted".to_owned(),
             Strategy::Path => "path tracing without photons".to_owned(),
+            Strategy::PathCaustics => "path tracing with photons of caustics".to_owned(),
             Strategy::Single => format!("merging at vertex {}", self.merge_vertex),
             Strategy::Gather => format!("a cache of light at vertex {}", self.merge_vertex),
+            Strategy::GatherCaustics => {
+                format!("a cache of light at vertex {}, photons of caustics", self.merge_vertex)
+            }
         };
         let how = match self.direct {
             Direct::Connect => how,
@@ -283,6 +289,29 @@ impl Technique {
     /// Tests whether photons are merged, so that radii matter.
     fn merges(self) -> bool {
         self.strategy.has_photons()
+    }
+
+    /// What it merges or looks up: photons of caustics, and diffuse photons or a cache.
+    fn classes(self) -> ByClass<bool> {
+        let mut all = [self.merges(); 2];
+        all[PhotonClass::Diffuse as usize] =
+            self.strategy.shares_light() && !self.is_path_with_caustics();
+        all
+    }
+
+    /// Whether photons of caustics are all that pixels share.
+    fn is_path_with_caustics(self) -> bool {
+        self.strategy.has_only_caustics() && !self.strategy.has_cache()
+    }
+
+    /// The largest radius of its merges, scene units; 0 without merges.
+    fn reach(self, radii: ByClass<f64>) -> f64 {
+        let caustic = radii[PhotonClass::Caustic as usize];
+        match self.strategy.has_only_caustics() {
+            true => caustic,
+            false if self.merges() => caustic.max(radii[PhotonClass::Diffuse as usize]),
+            false => 0.0,
+        }
     }
 }
 

@@ -9,11 +9,12 @@
 use super::Technique;
 use super::bias_law::{BiasLaw, BiasPrior};
 use super::candidate_cost::{Best, CandidateCost, ClassBias, RenderTime};
+use super::pair_time::PairTime;
 use super::start_up::{StartUp, StartUpLaw};
 use super::trial::Trial;
 use crate::adaptive::denoised_noise::kept_by_averages;
 use crate::timing::TimeModel;
-use bdpm_core::film::annulus::{LEFT_BY_CACHE, left_at_half};
+use bdpm_core::film::annulus::left_at_half;
 use bdpm_core::noise::Coefficients;
 use bdpm_core::render::NestedPart;
 use bdpm_core::transport::kernel::ByClass;
@@ -72,8 +73,9 @@ pub struct Model {
     is_one_trial: bool,
     /// Radius of a disc of the area that a pixel sees, scene units.
     footprint: f64,
-    /// Times of an iteration, with the time per pair divided by the squared lookup radius.
+    /// Times of an iteration, but for pairs.
     times: TimeModel,
+    pair_time: PairTime,
     /// Start-up of the image.
     start_up: StartUpLaw,
 }
@@ -98,7 +100,7 @@ const NEVER_CORRECTED: Coefficients = Coefficients { a: 0.0, b: 0.0, f: 1e12 };
 impl Technique {
     /// Bias that is left where the measured one is subtracted, over it, by photon class.
     fn left_at_half(&self) -> ByClass<f64> {
-        if self.strategy.has_cache() { LEFT_BY_CACHE } else { left_at_half(self.kernel) }
+        left_at_half(self.kernel, self.strategy.has_cache())
     }
 }
 
@@ -124,39 +126,39 @@ impl Model {
         let moments: Vec<f64> = measured.iter().map(|c| c.a + c.f).collect();
         let shared: Vec<f64> = measured.iter().map(|c| c.f).collect();
         let mut bias = [None; 2];
-        let mut classes = vec![];
-        if technique.merges() {
-            classes.push(PhotonClass::Diffuse);
-            classes.extend(both.then_some(PhotonClass::Caustic));
-        }
-        for class in classes {
+        let [_, has_diffuse] = technique.classes();
+        let shares = [both && technique.merges(), has_diffuse];
+        for class in [PhotonClass::Diffuse, PhotonClass::Caustic] {
+            if !shares[class as usize] {
+                continue;
+            }
             // The last trial that measured the bias of this class, or the prior if none did.
             let trial = trials.iter().rfind(|trial| trial.nests == Some(NestedPart::Class(class)));
             let radius = trial.unwrap_or(&trials[0]).radii[class as usize];
-            let prior = BiasPrior::new(class, technique, radius / across);
+            let prior = BiasPrior::of(class, technique, radius / across);
             bias[class as usize] = Some(match trial {
                 Some(trial) => BiasLaw::measured(trial, radius, weights, prior),
                 None => BiasLaw::assumed(radius, prior),
             });
-        }
-        if technique.strategy.has_cache() {
-            bias[LAST] = Some(BiasLaw::assumed(trials[0].radii[LAST], BiasPrior::of_cache()));
         }
         Self {
             technique,
             smallest: from_fn(|class| {
                 trials.iter().map(|trial| trial.radii[class]).fold(f64::INFINITY, f64::min)
             }),
-            pairs: parts(&inverse(0.0), &moments, both),
-            light: parts(&inverse(g2), &shared, both),
+            pairs: parts(&inverse(0.0), &moments, shares),
+            light: parts(&inverse(g2), &shared, shares),
             camera: measured.iter().map(|c| c.b).sum::<f64>() / measured.len() as f64,
             bias,
             is_one_trial: trials.len() == 1,
             footprint,
             times: mean_times(trials),
-            start_up: StartUpLaw::of(trials.iter().filter_map(|trial| {
-                Some((trial.radii[EVERY].max(trial.radii[LAST]), trial.start_up?))
-            })),
+            pair_time: PairTime::of(technique, trials),
+            start_up: StartUpLaw::of(
+                trials
+                    .iter()
+                    .filter_map(|trial| Some((technique.reach(trial.radii), trial.start_up?))),
+            ),
         }
     }
 
@@ -178,13 +180,21 @@ impl Model {
         demand: &CandidateCost,
         radii: ByClass<f64>,
     ) -> Best {
-        let blur = self.blur(radii);
         let merged = self.merged(radii);
-        demand.evaluate_image((self.technique, blur), coefficients, time, &merged, radii)
+        demand.evaluate_image(self.seen(radii), coefficients, time, &merged, radii)
+    }
+
+    /// The technique, the share of the noise of shared photons that averages over several pixels
+    /// keep, and the share of photons of caustics in the noise of pairs.
+    pub fn seen(&self, radii: ByClass<f64>) -> (Technique, [f64; 2]) {
+        (self.technique, [self.blur(radii), self.caustics(radii)])
     }
 
     /// Share of the noise of shared photons that averages over several pixels keep, at some radii.
-    pub fn blur(&self, radii: ByClass<f64>) -> f64 {
+    fn blur(&self, radii: ByClass<f64>) -> f64 {
+        if self.technique.strategy.has_only_caustics() {
+            return kept_by_averages(radii[EVERY], self.footprint);
+        }
         let (mut sum, mut kept) = (0.0, 0.0);
         for (part, radius) in self.light.iter().zip(radii) {
             let noise = part / (radius * radius + self.footprint.powi(2));
@@ -192,6 +202,14 @@ impl Model {
             kept += noise * kept_by_averages(radius, self.footprint);
         }
         if sum > 0.0 { kept / sum } else { 1.0 }
+    }
+
+    /// Share of photons of caustics in the noise of pairs, at some radii.
+    fn caustics(&self, radii: ByClass<f64>) -> f64 {
+        let [caustic, diffuse] =
+            [EVERY, LAST].map(|class| self.pairs[class] / radii[class].powi(2));
+        let all = caustic + diffuse;
+        if all > 0.0 { caustic / all } else { 0.0 }
     }
 
     /// Merge bias of both classes of photons at some radii: theory.md (93b), (71f).
@@ -204,7 +222,7 @@ impl Model {
             let f = self.light[class] * ((0.25 * r2 + g2).recip() - (r2 + g2).recip());
             let f = f.min(pairs);
             let left = self.technique.left_at_half()[class];
-            let outer = match self.technique.strategy.has_cache() {
+            let outer = match self.technique.strategy.has_cache() && class == LAST {
                 true => NEVER_CORRECTED,
                 false => Coefficients { a: pairs - f, b: 0.0, f },
             };
@@ -219,16 +237,15 @@ impl Model {
 
     /// Time at some radii.
     pub fn time(&self, radii: ByClass<f64>) -> RenderTime {
-        let reach = radii[EVERY].max(radii[LAST]);
-        let merge_pair = self.times.merge_pair * reach * reach;
-        let times = TimeModel { merge_pair, ..self.times };
+        let reach = self.technique.reach(radii);
+        let times = TimeModel { merge_pair: self.pair_time.at(reach), ..self.times };
         RenderTime { times, start_up: self.start_up.at(reach) }
     }
 
     /// The model that agrees with this start-up at these radii.
     pub fn with_start_up(self, radii: ByClass<f64>, start_up: Option<StartUp>) -> Self {
         let Some(own) = start_up else { return self };
-        let reach = radii[EVERY].max(radii[LAST]);
+        let reach = self.technique.reach(radii);
         Self { start_up: self.start_up.through(reach, own), ..self }
     }
 
@@ -246,8 +263,9 @@ impl Model {
                 })
                 .collect()
         };
-        let has_cache = self.technique.strategy.has_cache();
-        let last = steps(open.radius && !has_cache, requested[LAST]);
+        let strategy = self.technique.strategy;
+        let merges_diffuse = !strategy.has_cache() && !strategy.has_only_caustics();
+        let last = steps(open.radius && merges_diffuse, requested[LAST]);
         let every = match self.bias[EVERY] {
             // Both classes take steps of the larger radius where both are open.
             Some(_) => steps(
@@ -272,7 +290,8 @@ impl Model {
                 radii[EVERY] = every;
                 let own =
                     self.evaluate(&self.coefficients(radii), &self.time(radii), demand, radii);
-                let rank = self.with_discs(&own, last.max(every)) * own.rank(demand);
+                let reach = self.technique.reach(radii);
+                let rank = self.with_discs(&own, reach) * own.rank(demand);
                 if best.is_none_or(|(least, _)| rank < least) {
                     best = Some((rank, own));
                 }
@@ -287,11 +306,7 @@ impl Model {
     /// of the noise of discs.
     fn with_discs(&self, best: &Best, radius: f64) -> f64 {
         let pixels = radius / (DISC_PIXELS * self.footprint * PI.sqrt());
-        if best.is_noise_visible() && self.technique.merges() {
-            pixels.max(1.0).powi(4)
-        } else {
-            1.0
-        }
+        if best.is_noise_visible() { pixels.max(1.0).powi(4) } else { 1.0 }
     }
 
     /// The model that agrees with what an image has measured at its radii. How noise and bias
@@ -310,14 +325,8 @@ impl Model {
             // theory.md (71f): the annulus holds all of the bias but what is left at half the
             // radius.
             let whole = (1.0 + left[index]).powi(2);
-            let prior = match self.technique.strategy.has_cache() {
-                true => BiasPrior::of_cache(),
-                false => {
-                    let width = scale.image_width();
-                    let prior = BiasPrior::new(class, self.technique, radii[index] / width);
-                    prior.by_law(&assumed, radii[index])
-                }
-            };
+            let prior = BiasPrior::of(class, self.technique, radii[index] / scale.image_width());
+            let prior = prior.by_law(&assumed, radii[index]);
             let measured = annulus_bias2.map(|own| whole * own);
             Some(BiasLaw::combined(radii[index], measured, assumed.falls_to, prior))
         };
@@ -325,13 +334,14 @@ impl Model {
         for class in [PhotonClass::Caustic, PhotonClass::Diffuse] {
             all[class as usize] = bias(class).or(all[class as usize]);
         }
-        let reach = radii[EVERY].max(radii[LAST]);
+        let reach = self.technique.reach(radii);
         Self {
             pairs: self.pairs.map(|part| pairs * part),
             light: self.light.map(|part| light * part),
             camera: measured.b,
             bias: all,
-            times: TimeModel { merge_pair: times.merge_pair / (reach * reach), ..times },
+            pair_time: self.pair_time.through(reach, times.merge_pair),
+            times: TimeModel { merge_pair: 0.0, ..times },
             is_one_trial: false,
             start_up: self.start_up.clone(),
             ..*self
@@ -360,7 +370,7 @@ impl Model {
 
 /// Fits one part of at least 0 for each class, so that the parts times the factors `inverse` of the
 /// trials add up to `values`: least squares of relative deviations.
-fn parts(inverse: &[ByClass<f64>], values: &[f64], both: bool) -> ByClass<f64> {
+fn parts(inverse: &[ByClass<f64>], values: &[f64], shares: ByClass<bool>) -> ByClass<f64> {
     let rows = inverse.iter().zip(values).filter(|(_, value)| **value > 0.0);
     let rows: Vec<[f64; 2]> = rows.map(|(inverse, value)| inverse.map(|x| x / value)).collect();
     let product = |i: usize, j: usize| rows.iter().map(|row| row[i] * row[j]).sum::<f64>();
@@ -370,8 +380,10 @@ fn parts(inverse: &[ByClass<f64>], values: &[f64], both: bool) -> ByClass<f64> {
         fitted[class] = if rows.is_empty() { 0.0 } else { sum(class) / product(class, class) };
         fitted
     };
-    if !both {
-        return alone(LAST);
+    match shares {
+        [true, true] => {}
+        [true, false] => return alone(EVERY),
+        [false, _] => return alone(LAST),
     }
     let determinant = product(0, 0) * product(1, 1) - product(0, 1).powi(2);
     let fitted = [
@@ -388,19 +400,18 @@ fn parts(inverse: &[ByClass<f64>], values: &[f64], both: bool) -> ByClass<f64> {
     }
 }
 
-/// Means over trials. The time per pair is fitted in proportion to the squared lookup radius, by
-/// least squares, because at small radii it hardly shows.
+/// Means over trials, without the time of pairs.
 fn mean_times(trials: &[Trial]) -> TimeModel {
     let count = trials.len() as f64;
-    let mean = |of: &dyn Fn(&Trial) -> f64| trials.iter().map(of).sum::<f64>() / count;
-    let reach2 = |trial: &Trial| trial.radii[EVERY].max(trial.radii[LAST]).powi(2);
+    let mean = |of: fn(&TimeModel) -> f64| {
+        trials.iter().map(|trial| of(&trial.times)).sum::<f64>() / count
+    };
     TimeModel {
-        fixed: mean(&|trial| trial.times.fixed),
-        light_path: mean(&|trial| trial.times.light_path),
-        camera_path: mean(&|trial| trial.times.camera_path),
-        look_up: mean(&|trial| trial.times.look_up),
-        merge_pair: mean(&|trial| trial.times.merge_pair * reach2(trial))
-            / mean(&|trial| reach2(trial).powi(2)),
+        fixed: mean(|times| times.fixed),
+        light_path: mean(|times| times.light_path),
+        camera_path: mean(|times| times.camera_path),
+        look_up: mean(|times| times.look_up),
+        merge_pair: 0.0,
         pixels: trials[0].times.pixels,
     }
 }
@@ -417,14 +428,14 @@ mod tests {
     fn parts_of_both_classes_are_separated() {
         let inverse = [[1.0, 0.25], [0.0625, 4.0], [1.0, 1.0]];
         let value = |[x, y]: [f64; 2]| inverse.map(|[a, b]| a * x + b * y);
-        let found = parts(&inverse, &value([3.0, 5.0]), true);
+        let found = parts(&inverse, &value([3.0, 5.0]), [true; 2]);
         assert!((found[0] - 3.0).abs() < 1e-9 && (found[1] - 5.0).abs() < 1e-9, "{found:?}");
         // Noise may ask for a negative part.
-        let found = parts(&inverse, &value([-0.1, 5.0]), true);
+        let found = parts(&inverse, &value([-0.1, 5.0]), [true; 2]);
         assert!(found[0] > 0.0 && found[0] < 0.3 && (found[1] - 5.0).abs() < 0.2, "{found:?}");
-        let found = parts(&inverse, &inverse.map(|[_, b]| 7.0 * b), false);
+        let found = parts(&inverse, &inverse.map(|[_, b]| 7.0 * b), [false, true]);
         assert!(found[EVERY] == 0.0 && (found[LAST] - 7.0).abs() < 1e-9, "{found:?}");
-        let one = parts(&inverse[..1], &[2.0], true);
+        let one = parts(&inverse[..1], &[2.0], [true; 2]);
         assert!(one.iter().all(|part| part.is_finite()), "{one:?}");
     }
 
@@ -454,6 +465,7 @@ mod tests {
             is_one_trial: false,
             footprint: 0.1,
             times: times(),
+            pair_time: PairTime::default().through(1.0, times().merge_pair),
             start_up: StartUpLaw::default(),
         };
         let radius = |time| model.best(&demand(End::Time(time))).radii[LAST];

@@ -64,12 +64,14 @@ pub fn run(
     let each = screening / candidates.len() as f64;
     let demand = CandidateCost {
         has_cache: false,
+        shares_light: true,
         end: match end {
             End::Time(time) => End::Time((time - budget) * f64::from(renderer.config().ranks)),
             error => error,
         },
         ranks: renderer.config().ranks,
         max_light_paths: renderer.most_light_paths(),
+        light_paths: None,
         open,
         corrects_bias: settings.bias == Bias::Reduce,
         requested: [settings.caustic_radius, settings.radius],
@@ -123,7 +125,7 @@ fn with_seen_radii(renderer: &Renderer, open: FreeParameters) -> Settings {
 pub(super) struct Pilot<'a> {
     pub settings: &'a Settings,
     pub demand: CandidateCost,
-    runner: TrialRunner<'a>,
+    pub runner: TrialRunner<'a>,
     radii: Radii,
     start: Instant,
     /// Seconds.
@@ -247,13 +249,14 @@ impl Pilot<'_> {
                 continue;
             }
             for nests in tried.classes() {
-                let settings = tried.technique.with(self.settings, self.radii.large(nests));
+                let radii = self.radii.large(nests, tried.technique.strategy.has_cache());
+                let settings = tried.technique.with(self.settings, radii);
                 tried.trials.push(self.trial(
                     &settings,
                     Some(NestedPart::Class(nests)),
                     seconds,
                 )?);
-                done += u32::from(nests == PhotonClass::Diffuse);
+                done += u32::from(Some(nests) == tried.classes().next());
             }
             self.tried.push(tried);
         }
@@ -267,6 +270,7 @@ impl Pilot<'_> {
     /// Lets the techniques that are left race at their best radii for `racing` seconds. Returns the
     /// best first.
     fn finish(&mut self, racing: f64, last: f64) -> Result<Vec<Finalist>> {
+        self.demand.end = self.end_after_overrun();
         let weights = common_weights(&self.tried);
         let finalist = |tried: &Tried| {
             let model = self.model(tried, &weights);
@@ -282,15 +286,30 @@ impl Pilot<'_> {
             runner: &mut self.runner,
         };
         let mut finalists = race(field, track, racing)?;
-        self.try_splitting(&mut finalists[0], &weights, last)?;
-        self.try_medium_scales(&mut finalists[0], &weights, last)?;
+        let first = &mut finalists[0];
+        first.best = self.with_beam_times((&first.model, first.model.technique), first.best)?;
+        self.try_splitting(first, &weights, last)?;
+        self.try_medium_scales(first, &weights, last)?;
         Ok(finalists)
     }
 }
 
 impl Pilot<'_> {
+    /// The end of the image, if the rest of the pilot takes its share of the time: a pilot of less
+    /// than a second takes longer than its budget.
+    fn end_after_overrun(&self) -> End {
+        let planned = (LEARNING_SHARE + ROUNDS[0] + ROUNDS[1]) * self.budget;
+        let late = self.start.elapsed().as_secs_f64() - planned;
+        let late = late.max(0.0) * f64::from(self.demand.ranks);
+        match self.demand.end {
+            End::Time(time) => End::Time((time - late).max(0.25 * time)),
+            error => error,
+        }
+    }
+
     /// Tries the best candidate with light paths that split, and keeps the better of both. Other
-    /// trials do without splitting: fewer light paths would tell less about rare light.
+    /// trials do without splitting: fewer light paths would tell less about rare light, and where
+    /// noise is visible, they would draw it as spots.
     fn try_splitting(
         &mut self,
         Finalist { model, best, .. }: &mut Finalist,
@@ -300,11 +319,15 @@ impl Pilot<'_> {
         let Some(technique) = model.technique.split().filter(|_| self.demand.open.splitting) else {
             return Ok(());
         };
+        if matches!(self.demand.end, End::Time(_)) && best.is_noise_visible() {
+            return Ok(());
+        }
         let settings = best.settings(self.settings, technique);
         let mut trial = self.trial(&settings, None, seconds)?;
         // Paths that split take at least as long: this trial alone measures its times badly.
         trial.times = trial.times.at_least(&best.times());
         let split = model.tried_at(&trial, weights, &self.demand);
+        let split = self.with_beam_times((model, technique), split)?;
         if split.rank(&self.demand) < best.rank(&self.demand) {
             (*best, model.technique) = (split, technique);
         }
@@ -322,8 +345,10 @@ impl Tried {
     /// Classes of photons that it merges.
     fn classes(&self) -> impl Iterator<Item = PhotonClass> + use<> {
         let merges = self.technique.merges();
-        let every = self.trials[0].has_caustic_photons.then_some(PhotonClass::Caustic);
-        merges.then_some(PhotonClass::Diffuse).into_iter().chain(every.filter(|_| merges))
+        let has_diffuse = merges && !self.technique.strategy.has_only_caustics();
+        let has_caustics = merges && self.trials[0].has_caustic_photons;
+        let all = [(PhotonClass::Diffuse, has_diffuse), (PhotonClass::Caustic, has_caustics)];
+        all.into_iter().filter(|(_, is_merged)| *is_merged).map(|(class, _)| class)
     }
 }
 
@@ -344,9 +369,13 @@ impl Radii {
         own
     }
 
-    /// A large radius for one class of photons, whose bias then stands out from the noise.
-    fn large(&self, class: PhotonClass) -> ByClass<f32> {
+    /// A large radius for one class of photons, whose bias then stands out from the noise. That of
+    /// a cache is never chosen.
+    fn large(&self, class: PhotonClass, has_cache: bool) -> ByClass<f32> {
         let mut scale = [SMALLEST_SCALE; 2];
+        if has_cache {
+            scale[PhotonClass::Diffuse as usize] = 1.0;
+        }
         scale[class as usize] = LARGEST_SCALE;
         from_fn(|class| self.settings[class] * if self.open[class] { scale[class] } else { 1.0 })
     }

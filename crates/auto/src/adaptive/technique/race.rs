@@ -201,7 +201,7 @@ impl Racer {
     /// The larger of both radii; 0 without merges, which blur nothing.
     fn reach(&self) -> f64 {
         let Finalist { model, best, .. } = &self.finalist;
-        if model.technique.merges() { best.radii.into_iter().fold(0.0, f64::max) } else { 0.0 }
+        model.technique.reach(best.radii)
     }
 
     fn seen(&self) -> Option<Seen> {

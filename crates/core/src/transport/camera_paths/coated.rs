@@ -123,13 +123,13 @@ impl CameraPaths {
             }
             let Some(mis) = self.mis else { unreachable!("a weighted strategy") };
             let partials = self.arriving_partials(&states.path);
-            if pass.settings.strategy.has_photons() {
-                self.gather_coated(pass, &mis, &at, &partials, states);
-            }
             let ended = match pass.cache {
                 Some(cache) => self.end_at_bases(cache, pass, &at, states),
                 None => Mask::default(),
             };
+            if pass.settings.strategy.has_photons() {
+                self.gather_coated(pass, &mis, &at, (&partials, &ended), states);
+            }
             self.connect_coated(simd, pass, &mis, &at, (&partials, &ended), states);
             self.leave_coated(simd, pass, &mis, &at, (&partials, &ended), states);
         }
@@ -149,20 +149,21 @@ impl CameraPaths {
         partials
     }
 
-    /// Stores gather points.
+    /// Stores gather points; bases of `ended` lanes have their light already.
     #[inline(never)] // keeps the loop of paths without photons short
     fn gather_coated(
         &mut self,
         pass: &CameraPass,
         mis: &Mis,
         at: &CoatedVertices,
-        partials: &[CameraPartial; LANES],
+        (partials, ended): (&[CameraPartial; LANES], &Mask),
         states: &PathStates,
     ) {
         for (lane, partial) in partials.iter().enumerate() {
             let (history, carried) = (states.history[lane], states.weight.get(lane));
             let vertex = history.diffuse() + 1;
-            if !(at.active[lane] && pass.gathers_at(vertex) && at.bsdf.merges(lane)) {
+            let merges = at.active[lane] && !ended[lane] && at.bsdf.merges(lane);
+            if !(merges && pass.gathers_at(vertex)) {
                 continue;
             }
             let mut point = GatherPoint {
@@ -181,7 +182,7 @@ impl CameraPaths {
                 let (at, transmits) = (at.vertex(lane), false);
                 self.views.push(GatherView { bsdf, at, interpolated, transmits });
                 self.gather_points.push(&point);
-                self.gather_points.set_earlier_merges(partial.arrive(1.0));
+                self.gather_points.set_earlier_merges(mis.balance.arrive(partial, 1.0));
                 continue;
             }
             let albedo = at.bsdf.albedo.get(lane);
@@ -189,7 +190,7 @@ impl CameraPaths {
             (point.weight, point.view) = (carried * albedo * FRAC_1_PI, GatherPoint::NO_VIEW);
             let light = Survival::LIGHT.lambertian(albedo.max_element());
             let camera = mis.camera_survival(vertex).lambertian(albedo.max_element());
-            let own = mis.balance.gather(vertex, partial.arrive(light), camera);
+            let own = mis.balance.gather(vertex, mis.balance.arrive(partial, light), camera);
             self.gather_points.push(&point);
             self.gather_points.set_point_partials(own);
         }
@@ -232,7 +233,7 @@ impl CameraPaths {
             let value = wide.value.get(lane);
             let density = survivors(number, value.max_element(), wide.pdf_w[lane], cos);
             let rough_density = rough_density_of(rough.pdf_w[lane], cos);
-            let merges = partial.arrive(back.wide[lane]);
+            let merges = mis.balance.arrive(partial, back.wide[lane]);
             let rough_merges = mis.balance.caustic_merges(partial) * back.rough[lane];
             let weight = mis.balance.connection_weight(merges, l, density * hits);
             let rough_weight = mis.balance.connection_weight(rough_merges, l, rough_density * hits);
@@ -340,7 +341,11 @@ impl CameraPaths {
             let (density, number) = (left.density[lane], before[lane].diffuse() + 1);
             let is_diffuse = !left.samples.passes_through[lane];
             let partial = if is_diffuse {
-                mis.balance.leave(number, partials[lane].arrive(back.wide[lane]), density)
+                mis.balance.leave(
+                    number,
+                    mis.balance.arrive(&partials[lane], back.wide[lane]),
+                    density,
+                )
             } else if partials[lane] == CameraPartial::default() {
                 partials[lane]
             } else if left.samples.is_delta[lane] {

@@ -59,7 +59,7 @@ impl CameraPaths {
             view,
         });
         let Some(mis) = self.mis else { return };
-        let earlier = self.arriving_merges(path);
+        let earlier = self.arriving_merges(&mis, path);
         if value.is_none() {
             self.gather_points.set_earlier_merges(earlier);
             return;

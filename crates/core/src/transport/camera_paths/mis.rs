@@ -93,12 +93,17 @@ impl CameraPaths {
     /// Densities of merges at earlier vertices where paths arrive at Lambertian vertices;
     /// meaningless for lanes without a vertex.
     #[inline(always)] // vectorized, as the functions below
-    pub(super) fn earlier_merges(&self, at: &DiffuseVertices, states: &PathStates) -> [f32; LANES] {
+    pub(super) fn earlier_merges(
+        &self,
+        mis: &Mis,
+        at: &DiffuseVertices,
+        states: &PathStates,
+    ) -> [f32; LANES] {
         from_fn(|lane| {
             let last = self.last_vertices.get(states.path[lane] as usize);
             let partial = last.map_or(CameraPartial::default(), |last| last.partial);
             let albedo = at.albedo.get(lane).max_element();
-            partial.arrive(Survival::LIGHT.lambertian(albedo))
+            mis.balance.arrive(&partial, Survival::LIGHT.lambertian(albedo))
         })
     }
 
@@ -194,7 +199,7 @@ impl CameraPaths {
         } else {
             let survival = mis.camera_survival(state.history.diffuse() + 1);
             let camera = survival.density_of(values, shading_cos);
-            let merges = partial.arrive(1.0);
+            let merges = mis.balance.arrive(partial, 1.0);
             (camera, if merges > 0.0 { merges * directions.light_diffuse(surface) } else { 0.0 })
         };
         let cos = light.wi.dot(surface.normal).abs();
@@ -204,8 +209,8 @@ impl CameraPaths {
 
     /// Density of merges at earlier vertices where a path arrives at a vertex, over the density of
     /// light paths there.
-    pub(super) fn arriving_merges(&self, path: u32) -> f32 {
-        self.last_vertices[path as usize].partial.arrive(1.0)
+    pub(super) fn arriving_merges(&self, mis: &Mis, path: u32) -> f32 {
+        mis.balance.arrive(&self.last_vertices[path as usize].partial, 1.0)
     }
 
     /// Updates the partial of a path that continues from any vertex.
@@ -218,7 +223,7 @@ impl CameraPaths {
         let (density, partial) = if is_diffuse {
             let number = state.history.diffuse() + 1;
             let density = directions.camera_diffuse(surface, mis.camera_survival(number));
-            let merges = last.partial.arrive(1.0);
+            let merges = mis.balance.arrive(&last.partial, 1.0);
             let earlier =
                 if merges > 0.0 { merges * directions.light_diffuse(surface) } else { 0.0 };
             (density, mis.balance.leave(number, earlier, density))

@@ -68,7 +68,7 @@ pub struct CameraPass<'a> {
     pub settings: &'a Settings,
     /// Random streams of the iteration.
     pub key: StreamKey,
-    /// Vertices before the last one gather, too.
+    /// Vertices before the last one gather, too; all of them if photons are those of caustics.
     pub gather_early: bool,
     /// Light sources that paths hit before a diffuse vertex are left out.
     pub hides_lights: bool,
@@ -138,7 +138,9 @@ impl CameraPass<'_> {
     #[inline(always)] // part of a vector loop, as the function below
     fn gathers_at(&self, vertex: u32) -> bool {
         let Settings { merge_vertex, strategy, .. } = *self.settings;
-        let gathers = (vertex == merge_vertex) | (self.gather_early & (vertex < merge_vertex));
+        let (only_caustics, early) = (strategy.has_only_caustics(), self.gather_early);
+        let is_last = (vertex == merge_vertex) & !only_caustics;
+        let gathers = is_last | early & (only_caustics | (vertex < merge_vertex));
         gathers & strategy.has_photons()
     }
 
@@ -348,7 +350,10 @@ impl CameraPaths {
         states: &mut PathStates,
     ) {
         let (mis, lights) = (self.mis, pass.scene.lights());
-        let earlier = if mis.is_some() { self.earlier_merges(at, states) } else { [0.0; LANES] };
+        let earlier = match &mis {
+            Some(mis) => self.earlier_merges(mis, at, states),
+            None => [0.0; LANES],
+        };
         let weights = at.weights(&states.weight);
         if pass.connects() {
             let light = self.light_samples(lights, &at.receivers(), states);

@@ -112,7 +112,7 @@ impl CameraPaths {
             return at_pane(&pane, surface, state);
         }
         let merges = surface.bsdf.merges();
-        if merges && pass.gathers_at(vertex) {
+        if merges && other.cached.is_none() && pass.gathers_at(vertex) {
             self.gather(surface, &at, &state);
         }
         // A path that is cut here still takes lobes that pass through.

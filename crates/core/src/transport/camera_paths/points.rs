@@ -37,11 +37,11 @@ pub struct CameraPoints {
 }
 
 impl CameraPoints {
-    /// Tests whether camera paths start from points. Those of strategies with photons do not: all
-    /// pixels share the noise of light paths, so that the image would not tell how much less noise
-    /// it has.
+    /// Tests whether camera paths start from points. Those of strategies with photons of all light
+    /// do not: pixels share most of their noise, so that the image would not tell how much less
+    /// noise it has.
     pub fn are_used(settings: &Settings) -> bool {
-        !settings.has_photons()
+        !settings.has_photons() || settings.strategy.has_only_caustics()
     }
 
     /// The points of an iteration, if its paths start from points.

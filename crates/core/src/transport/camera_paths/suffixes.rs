@@ -9,8 +9,9 @@ use crate::scene::bsdf::{Transport, Vertex};
 use crate::scene::coated_hits::CoatedVertices;
 use crate::scene::diffuse::DiffuseVertices;
 use crate::simd::{LANES, Mask};
+use crate::transport::merge::{Merge, MergeOutput};
 use crate::transport::path_state::{History, PathStates};
-use crate::transport::suffix_cache::{CellLight, SuffixCache, SuffixRecord};
+use crate::transport::suffix_cache::{CellLight, MergedLight, SuffixCache, SuffixRecord};
 use glam::Vec3;
 
 /// Light of a camera path from a cache, W/(m^2 sr).
@@ -153,7 +154,16 @@ impl CameraPaths {
         let Some(recorder) = &mut self.suffixes else { return };
         let Lobe { position, normal, carried, distance } = *lobe;
         let light = self.direct[path as usize];
-        recorder.push(SuffixRecord { position, normal, carried, light, prob, distance, path });
+        recorder.push(SuffixRecord {
+            position,
+            normal,
+            carried,
+            light,
+            prob,
+            distance,
+            path,
+            wave: 0,
+        });
     }
 
     /// The lobe of a diffuse base. Coats so rough that they count as diffuse have none: what they
@@ -217,15 +227,27 @@ impl CameraPaths {
     /// Ends the vertices whose connections were added.
     pub(super) fn end_suffix_vertices(&mut self) {
         if let Some(recorder) = &mut self.suffixes {
-            recorder.end_vertices(&self.direct);
+            recorder.end_vertices(&self.direct, self.gather_points.lanes());
         }
     }
 
-    /// Records of all suffixes since the paths were cleared, of one batch.
-    pub fn end_suffixes(&mut self) -> Vec<SuffixRecord> {
-        match &mut self.suffixes {
-            Some(recorder) => recorder.end_paths(&self.direct).collect(),
-            None => Vec::new(),
-        }
+    /// Records of all suffixes since the paths were cleared, of one batch, with the photons that
+    /// `merge` finds at their vertices. Each light path counts by `per_light_path`.
+    pub fn end_suffixes(
+        &mut self,
+        (merge, per_light_path): (&Merge, f32),
+        output: &mut MergeOutput,
+    ) -> Vec<SuffixRecord> {
+        let points = self.gather_points.number_each();
+        merge.gather_points(self, points.len(), output);
+        let Some(recorder) = &mut self.suffixes else { return Vec::new() };
+        let merged = points.iter().zip(&output.sums).filter(|(_, sum)| **sum != Rgb::ZERO);
+        let merged = merged.map(|(&(path, lane), sum)| {
+            let (wave, light) = (recorder.wave_of(lane), *sum * per_light_path);
+            MergedLight { path, wave, light }
+        });
+        let mut merged: Vec<MergedLight> = merged.collect();
+        merged.sort_by_key(|own| own.path);
+        recorder.end_paths(&self.direct, &merged).collect()
     }
 }

@@ -7,7 +7,6 @@ use crate::base::math::{Rgb, pack_direction};
 use crate::scene::bsdf::Lobe;
 use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
 use crate::scene::{Emitter, HitScratch, Surface};
-use crate::settings::Direct;
 use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, any, lanes_of};
 use crate::transport::free_flight::{MediumVertex, Passed, travel, travel_all};
@@ -39,6 +38,8 @@ pub(super) struct Tracer {
     stores_wavelengths: bool,
     /// Photons straight from a light source are stored, not replaced by connections.
     stores_direct: bool,
+    /// Photons of caustics alone are stored.
+    only_caustics: bool,
 }
 
 impl Tracer {
@@ -52,7 +53,8 @@ impl Tracer {
         self.partials.start(Mis::new(pass.settings), paths.clone());
         self.stores_directions = pass.scene.merges_by_direction();
         self.stores_wavelengths = pass.scene.is_dispersive();
-        self.stores_direct = pass.settings.direct == Direct::PhotonMap;
+        self.stores_direct = !pass.settings.connects();
+        self.only_caustics = pass.settings.strategy.has_only_caustics();
         batch.rays = 0;
         vectorized(
             #[inline(always)]
@@ -261,7 +263,7 @@ impl Tracer {
             let is_first = states.history[lane].diffuse() == 0;
             expected[lane] = survival(albedo) * if is_first { pass.splitting } else { 1.0 };
             goes_on[lane] = at.active[lane] & (ends[lane] < expected[lane]);
-            goes_on[lane] &= !pass.leaves_out(states.history[lane]);
+            goes_on[lane] &= !pass.leaves_out(states.history[lane]) & !self.only_caustics;
             // theory.md (38)
             states.weight.set(lane, flux * (albedo / expected[lane]));
             states.history[lane] = states.history[lane].scattered();
@@ -323,6 +325,9 @@ impl Tracer {
         }
         let sample = surface.scatter_flux(&mut state.rng)?;
         if pass.leaves_out(state.history) && sample.lobe != Lobe::Delta {
+            return None;
+        }
+        if self.only_caustics && !sample.lobe.passes_through() {
             return None;
         }
         self.partials.scatter(lights, surface, origin, &state, &sample);

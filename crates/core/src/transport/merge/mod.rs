@@ -213,6 +213,17 @@ impl<'a> Merge<'a> {
         self.merge::<false>(paths, &(0..paths.direct.len()), output);
     }
 
+    /// Sets `output` to the merged light of as many gather points, which are numbered in place of
+    /// their paths, without other sums.
+    pub fn gather_points(&self, paths: &CameraPaths, count: usize, output: &mut MergeOutput) {
+        let options =
+            MergeOptions { records_annulus: false, records_caustics: false, ..self.options };
+        output.clear(count, &options);
+        if count > 0 {
+            Self { options, ..*self }.merge::<false>(paths, &(0..count), output);
+        }
+    }
+
     /// Sets `output` to the merged light of these camera paths with its pairs, and calls `visit`
     /// with the range of camera paths that are complete. It is called once, or several times in the
     /// order of the camera paths if these have more than [`MAX_PAIRS`] pairs.

@@ -1,7 +1,7 @@
 //! MIS weights of merges, from the partials of photons and gather points: theory.md (47f).
 
 use super::Mis;
-use super::weights::{GatherPartials, PhotonPartials, merge_weight};
+use super::weights::{GatherPartials, PhotonPartials, merge_weight, partial_index};
 use crate::simd::eight::Eight;
 use crate::transport::gather::{GatherPoint, GatherView};
 use crate::transport::kernel::ByClass;
@@ -117,7 +117,7 @@ impl Mis {
         mis_partials: PhotonPartials,
     ) -> f32 {
         let inverse_scale = self.balance.inverse_scales()[class as usize];
-        merge_weight(partials, inverse_scale, mis_partials[point.vertex as usize - 1])
+        merge_weight(partials, inverse_scale, mis_partials[partial_index(point.vertex)])
     }
 
     /// Weight of a merge of `photon` at `point`. `earlier` is the sum of the camera path's partial
@@ -135,6 +135,6 @@ impl Mis {
             if point.vertex == 1 { 0.0 } else { earlier * view.light_density(wi, point.normal) };
         let point_partials = self.balance.gather(point.vertex, earlier, camera);
         let inverse_scale = self.balance.inverse_scales()[class as usize];
-        merge_weight(&point_partials, inverse_scale, mis_partials[point.vertex as usize - 1])
+        merge_weight(&point_partials, inverse_scale, mis_partials[partial_index(point.vertex)])
     }
 }

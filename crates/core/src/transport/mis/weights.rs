@@ -21,6 +21,9 @@ pub struct Balance {
     scales: [f32; 2],
     /// Scale of merges of caustic photons over the scale of diffuse ones: `(r_c/r)^2`.
     caustic: f32,
+    /// 1, or 0 if all photons are those of caustics: merges at earlier diffuse vertices than the
+    /// last one then do not sample a path.
+    of_diffuse: f32,
 }
 
 /// MIS partial of a camera path after a vertex: densities of merges at earlier vertices, over the
@@ -70,7 +73,8 @@ pub struct StraightDensities {
 
 impl Balance {
     /// Connections and hits alone.
-    pub const WITHOUT_MERGES: Self = Self { eta: 0.0, scales: [0.0; 2], caustic: 1.0 };
+    pub const WITHOUT_MERGES: Self =
+        Self { eta: 0.0, scales: [0.0; 2], caustic: 1.0, of_diffuse: 1.0 };
 
     /// The constants of these settings.
     pub fn new(settings: &Settings) -> Self {
@@ -78,15 +82,18 @@ impl Balance {
             return Self::WITHOUT_MERGES;
         }
         let MisScales { light_paths, scales } = settings.mis_scales();
-        let eta = light_paths as f32 * disc_area(settings.radius);
-        Self::with(eta, scales.map(|c| c as f32), settings.caustic_radius / settings.radius)
+        let [caustic, radius] = settings.merge_radii();
+        let eta = light_paths as f32 * disc_area(radius);
+        let own = Self::with(eta, scales.map(|c| c as f32), caustic / radius);
+        let of_diffuse = if settings.strategy.has_only_caustics() { 0.0 } else { 1.0 };
+        Self { of_diffuse, ..own }
     }
 
     /// The constants for scales at both vertices and this quotient of the caustic radius and the
     /// radius.
     fn with(eta: f32, scales: [f32; 2], caustic_radius: f32) -> Self {
         let caustic = (caustic_radius * caustic_radius).max(MIN_SCALE);
-        Self { eta, scales: scales.map(|c| c.max(MIN_SCALE)), caustic }
+        Self { eta, scales: scales.map(|c| c.max(MIN_SCALE)), caustic, of_diffuse: 1.0 }
     }
 
     /// Merges share paths with the other techniques.
@@ -99,8 +106,17 @@ impl Balance {
     /// `camera`. `earlier` is the density of merges at earlier vertices. theory.md (47d)
     #[inline(always)]
     pub fn leave(&self, vertex: u32, earlier: f32, camera: f32) -> CameraPartial {
-        let last = self.scales.get(vertex as usize - 1).copied().unwrap_or(0.0);
+        // Photons of caustics alone are merged at all vertices, with the scale of the second.
+        let beyond = self.scales[1] * (1.0 - self.of_diffuse);
+        let last = self.scales.get(vertex as usize - 1).copied().unwrap_or(beyond);
         CameraPartial { earlier: earlier / camera, last: last / camera }
+    }
+
+    /// Density of merges at earlier vertices where a camera path of this partial arrives at another
+    /// diffuse vertex. `light` is the light path's density toward the previous vertex.
+    #[inline(always)]
+    pub fn arrive(&self, partial: &CameraPartial, light: f32) -> f32 {
+        self.of_diffuse * (partial.earlier + partial.last) * light
     }
 
     /// Partial of a light path that starts from a light source. `inverse_emission` is the
@@ -146,7 +162,7 @@ impl Balance {
     /// of the photon. theory.md (47f)
     #[inline(always)]
     pub fn gather(&self, vertex: u32, earlier: f32, camera: f32) -> GatherPartials {
-        let inverse = self.scales[(vertex as usize - 1) & 1].recip();
+        let inverse = self.scales[partial_index(vertex)].recip();
         GatherPartials { earlier: earlier * inverse, camera: camera * inverse }
     }
 
@@ -192,17 +208,17 @@ impl Balance {
     }
 }
 
-impl CameraPartial {
-    /// Density of merges at earlier vertices where the camera path arrives at another diffuse
-    /// vertex. `light` is the light path's density toward the previous vertex.
-    #[inline(always)] // part of vector loops, as the function below
-    pub fn arrive(&self, light: f32) -> f32 {
-        (self.earlier + self.last) * light
-    }
+/// Index of the MIS partial of a photon for merges at a diffuse vertex of this number. Beyond the
+/// second one, only photons of caustics are merged, and they have the same for all.
+#[inline(always)] // part of the loop over photons
+pub fn partial_index(vertex: u32) -> usize {
+    vertex.min(2) as usize - 1
+}
 
+impl CameraPartial {
     /// The partial after a vertex passed through, where `ratio` is the density of light paths over
     /// that of camera paths.
-    #[inline(always)]
+    #[inline(always)] // part of vector loops
     #[must_use]
     pub fn pass(self, ratio: f32) -> Self {
         Self { earlier: self.earlier * ratio, last: self.last * ratio }
@@ -360,7 +376,7 @@ mod tests {
         let (mut partial, mut earlier) = (CameraPartial::default(), 0.0);
         let mut merges = [None; 2];
         for k in 1..=m {
-            earlier = if k == 1 { 0.0 } else { partial.arrive(light[k - 2]) };
+            earlier = if k == 1 { 0.0 } else { balance.arrive(&partial, light[k - 2]) };
             if k <= 2
                 && let Some((photon, class)) = photons[k - 1]
             {
@@ -433,6 +449,57 @@ mod tests {
         }
         assert!(worst < 2e-6, "{worst}");
         assert!(shared > 20_000, "{shared}");
+    }
+
+    /// Photons of caustics alone are merged at the last diffuse vertex of any number, if vertices
+    /// that pass light lead from there to the light source.
+    #[test]
+    fn photons_of_caustics_share_paths_with_connections_and_hits() {
+        let mut rng = StreamKey::new(4, Stream::Test, 0).rng(0);
+        let (mut worst, mut shared) = (0.0, 0);
+        for round in 0..3000 {
+            let eta = anything(&mut rng) as f32;
+            let scale = anything(&mut rng) as f32;
+            let balance = Balance { of_diffuse: 0.0, ..Balance::with(eta, [scale; 2], 1.0) };
+            for last in all_lasts().into_iter().filter(|last| last.connects) {
+                let m = 1 + round % 6;
+                let path = Path::random(m, false, last, &mut rng);
+                let [_, _, connection, hit] = densities(&path, last, &balance);
+                let camera: f64 = path.camera[..m - 1].iter().product();
+                let light = path.emission * path.smooth[1] * path.rough[1];
+                let merge = if last.chain { f64::from(eta * scale) * camera * light } else { 0.0 };
+                let total = merge + connection + hit;
+                let [_, _, connected, seen] = weights(&balance, &path, last);
+                let merged = merge_weight_at(&balance, &path, last);
+                let all = [(merge, merged), (connection, connected), (hit, seen)];
+                let sampled = all.iter().filter(|(density, _)| *density > 0.0);
+                for (density, weight) in sampled.clone() {
+                    let weight = weight.expect("sampled");
+                    worst = f64::max(worst, (weight - density / total).abs());
+                }
+                shared += u32::from(sampled.count() > 1);
+            }
+        }
+        assert!(worst < 2e-6, "{worst}");
+        assert!(shared > 10_000, "{shared}");
+    }
+
+    /// Weight of the merge at the last diffuse vertex of a path, from the partials of its photon.
+    fn merge_weight_at(balance: &Balance, path: &Path, last: Last) -> Option<f64> {
+        let m = path.camera.len() as u32;
+        let [smooth, rough] = [path.smooth, path.rough].map(|both| both.map(|p| p as f32));
+        let (emission, connection) = (path.emission as f32, path.connection as f32);
+        let mut arrived = balance.start(if last.hittable { emission.recip() } else { 0.0 });
+        if last.rough {
+            let connection = connection / emission;
+            let techniques = StraightDensities { connection, camera: rough[0] };
+            arrived = balance.scatter(&arrived, techniques, None, rough[1]);
+        }
+        let arrived = arrived.pass(smooth[1] / smooth[0]);
+        let photon = balance.photon(&arrived, PhotonClass::Caustic)[partial_index(m)];
+        let point = balance.gather(m, 0.0, *path.camera.last()? as f32);
+        let inverse = balance.inverse_scales()[PhotonClass::Caustic as usize];
+        last.chain.then(|| f64::from(merge_weight(&point, inverse, photon)))
     }
 
     #[test]

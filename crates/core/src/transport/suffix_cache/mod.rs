@@ -5,7 +5,7 @@ mod build;
 mod key;
 mod recorder;
 
-pub use recorder::{SuffixRecord, SuffixRecorder};
+pub use recorder::{MergedLight, SuffixRecord, SuffixRecorder};
 
 use crate::base::math::{Bounds, Rgb};
 use build::Level;
@@ -100,6 +100,7 @@ mod tests {
                     prob: 1.0,
                     distance: 1.0,
                     path,
+                    wave: 0,
                 }
             })
             .collect()

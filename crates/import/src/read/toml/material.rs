@@ -12,7 +12,7 @@ use bdpm_core::base::error::Error;
 use bdpm_core::base::math::Rgb;
 use bdpm_core::scene::bsdf::{
     Bsdf, Coated, Conductor, DiffuseTransmission, FacetModel, Facets, Glossy, Plastic, Principled,
-    PrincipledParameters, Reflectance,
+    PrincipledParameters, Reflectance, ThinDielectric,
 };
 use bdpm_core::scene::{Material, Medium, NormalMap, RefractiveIndex, Sampling, Texture, Wrap};
 use serde::Deserialize;
@@ -38,6 +38,7 @@ pub struct MaterialTable {
     opacity_texture: Option<Spanned<TextureTable>>,
     opacity: Option<Opacity>,
     transmittance: Option<Spanned<Albedo>>,
+    visible_transmittance: Option<Spanned<Albedo>>,
     normal_texture: Option<Spanned<TextureTable>>,
     normal_scale: Option<Spanned<NormalScale>>,
     emission_texture: Option<Spanned<TextureTable>>,
@@ -111,7 +112,9 @@ impl MaterialKind {
                 "dielectric",
                 "ior outside_ior roughness alpha facets transmittance interior exterior",
             ),
-            Self::ThinDielectric => ("thin-dielectric", "ior transmittance interior exterior"),
+            Self::ThinDielectric => {
+                ("thin-dielectric", "ior transmittance visible_transmittance interior exterior")
+            }
             Self::Metal => ("metal", "metal eta k reflectance roughness alpha facets tint"),
             Self::Coated => ("coated", "albedo albedo_texture ior"),
             Self::Glossy => (
@@ -193,7 +196,7 @@ impl MaterialTable {
                 let facets = Facets { model: self.facets().unwrap_or_default(), alpha };
                 return Ok(Look::dielectric(indices, facets, transmittance));
             }
-            MaterialKind::ThinDielectric => return Ok(Look::sheet(eta, transmittance)),
+            MaterialKind::ThinDielectric => return Ok(Look::sheet(eta, self.glazing(eta)?)),
             MaterialKind::Boundary => return Ok(Look::sheet(1.0, Rgb::ONE)),
             MaterialKind::Metal => Bsdf::Conductor(self.conductor(alpha)?),
             MaterialKind::Plastic => Bsdf::Plastic(self.plastic(albedo, eta, alpha)),
@@ -332,6 +335,27 @@ impl MaterialTable {
         texture.map(Some).map_err(|error| (error, key.span().start))
     }
 
+    /// The factor on light that goes straight through a sheet of this relative index, from its own
+    /// key, or from the share that passes at normal incidence.
+    fn glazing(&self, eta: f32) -> Result<Rgb, Misplaced> {
+        let Some(visible) = &self.visible_transmittance else {
+            return Ok(rgb(&self.transmittance).unwrap_or(Rgb::ONE));
+        };
+        let start = visible.span().start;
+        if self.transmittance.is_some() {
+            let problem = "the sheet has both `transmittance` and `visible_transmittance`";
+            return Err((Error::new(problem, "remove one of them"), start));
+        }
+        let [clear, _] = ThinDielectric::new(eta).shares(1.0);
+        let factor = visible.get_ref().0 / clear;
+        if factor.max_element() > 1.0 + ROUNDING {
+            let most = clear.max_element();
+            let problem = format!("clear glass of this index transmits {most:.3}");
+            return Err((Error::new(problem, "give less, or another `ior`"), start));
+        }
+        Ok(factor.min(Rgb::ONE))
+    }
+
     /// Refuses keys of other types.
     fn check_keys(&self) -> Result<(), Misplaced> {
         /// The given ones of the keys of a table, each with its byte offset in the file.
@@ -343,7 +367,7 @@ impl MaterialTable {
         let given = starts!(self:
             albedo albedo_texture two_sided reflectance reflectance_texture
             transmittance_texture metal eta k ior outside_ior roughness alpha
-            facets tint nonlinear transmittance metallic anisotropic transmission specular_tint sheen
+            facets tint nonlinear transmittance visible_transmittance metallic anisotropic transmission specular_tint sheen
             sheen_tint flatness clearcoat clearcoat_gloss metallic_roughness_texture interior
             exterior);
         let (kind, keys) = self.kind.keys();

@@ -2,7 +2,7 @@
 
 use super::keys::{Point, Position};
 use bdpm_core::base::error::{Error, Result};
-use bdpm_core::scene::{Meter, MeterKind, MeterSet};
+use bdpm_core::scene::{Meter, MeterKind, MeterSet, Requirement, standard_grid};
 use bdpm_core::settings::FixedArray;
 use glam::{DVec3, Vec3};
 use serde::Deserialize;
@@ -28,6 +28,13 @@ pub struct MeterTable {
     edges: Option<FixedArray<Point, 2>>,
     columns: Option<u32>,
     rows: Option<u32>,
+    /// Least mean after the maintenance factor, in the unit of the meter.
+    required_mean: Option<f64>,
+    /// Least uniformity of a grid.
+    required_uniformity: Option<f64>,
+    /// Target and minimum of the daylight factor, percent.
+    required_daylight_factor: Option<FixedArray<f64, 2>>,
+    maintenance_factor: Option<f64>,
 }
 
 impl MeterTable {
@@ -36,14 +43,30 @@ impl MeterTable {
     pub fn set(&self, number: usize, origin: DVec3) -> Result<MeterSet> {
         let name = self.name.clone().unwrap_or_else(|| format!("meter {number}"));
         let has_grid = self.edges.is_some() || self.columns.is_some() || self.rows.is_some();
-        match (self.position, self.corner) {
+        let set = match (self.position, self.corner) {
             (Some(position), None) if !has_grid => self.single(name, position, origin),
             (None, Some(corner)) => self.grid(name, corner.relative_to(origin)),
             _ => Err(Error::new(
                 "the meter is neither a point nor a grid",
-                "give a `position`, or `corner`, `edges`, `columns` and `rows`",
+                "give a `position`, or `corner` and `edges`",
             )),
+        }?;
+        let requirement = self.requirement(&set)?;
+        Ok(set.requiring(requirement))
+    }
+
+    fn requirement(&self, set: &MeterSet) -> Result<Requirement> {
+        if self.required_uniformity.is_some() && !set.is_grid() {
+            let problem = "a single meter has no uniformity";
+            return Err(Error::new(problem, "remove `required_uniformity`, or measure a grid"));
         }
+        Requirement {
+            mean: self.required_mean,
+            uniformity: self.required_uniformity,
+            daylight_factor: self.required_daylight_factor.as_ref().map(|own| own.0),
+            maintenance: self.maintenance_factor.unwrap_or(1.0),
+        }
+        .checked()
     }
 
     fn single(&self, name: String, in_file: Position, origin: DVec3) -> Result<MeterSet> {
@@ -80,13 +103,22 @@ impl MeterTable {
             let problem = "the grid has a key that only a meter of luminance has";
             return Err(Error::new(problem, "remove `direction`, `target` and `opening_deg`"));
         }
-        let (Some(FixedArray(edges)), Some(columns), Some(rows)) =
-            (&self.edges, self.columns, self.rows)
-        else {
-            let advice = "give `edges = [[4, 0, 0], [0, 3, 0]]`, `columns` and `rows`";
+        let Some(FixedArray(edges)) = &self.edges else {
+            let advice = "give `edges = [[4, 0, 0], [0, 3, 0]]`";
             return Err(Error::new("the grid of meters is not complete", advice));
         };
+        let edges = [edges[0].0, edges[1].0];
+        let grid = match (self.columns, self.rows) {
+            (Some(columns), Some(rows)) => [columns, rows],
+            (None, None) => standard_grid(edges.map(|edge| f64::from(edge.length()))),
+            _ => {
+                let problem = "the grid of meters has columns or rows alone";
+                let advice =
+                    "give both `columns` and `rows`, or none of them for the grid of EN 12464-1";
+                return Err(Error::new(problem, advice));
+            }
+        };
         let normal = self.normal.map(|normal| normal.0);
-        MeterSet::grid(name, corner, [edges[0].0, edges[1].0], [columns, rows], normal)
+        MeterSet::grid(name, corner, edges, grid, normal)
     }
 }

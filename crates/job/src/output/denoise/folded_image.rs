@@ -1,6 +1,7 @@
 //! The image of each fold of the iterations, and of all other folds. The guides of the denoiser.
 
 use super::window::Window;
+use bdpm_core::base::error::Result;
 use bdpm_core::base::math::Rgb;
 use bdpm_core::film::features::FeatureFolds;
 use bdpm_core::film::folds::DENOISE_FOLDS;
@@ -77,10 +78,64 @@ pub struct FoldedImage<'a> {
     n: usize,
 }
 
+/// Sums over the weighted blocks of an image, in a window, times a scale.
+fn sums(
+    image: &CombinedImage,
+    window: Window,
+    scale: f64,
+    of: impl Fn(&Block, usize) -> DVec3 + Sync,
+) -> Vec<DVec3> {
+    let blocks = image.blocks();
+    let mut sums = vec![DVec3::ZERO; window.len()];
+    let rows = sums.par_chunks_mut(window.width as usize).zip(window.y..window.y + window.height);
+    rows.for_each(|(row, y)| {
+        let indices = blocks[0].film.sums.row(y).skip(window.x as usize);
+        for (sum, at) in row.iter_mut().zip(indices) {
+            for (block, weight) in blocks.iter().zip(image.weights()) {
+                *sum += of(block, at) * (weight * scale);
+            }
+        }
+    });
+    sums
+}
+
+/// Mean emission that pixels see in a window, over the iterations of the [`DENOISE_FOLDS`] folds
+/// for which `takes` returns true; empty if it is not kept.
+pub fn seen_lights(
+    image: &CombinedImage,
+    window: Window,
+    takes: impl Fn(usize) -> bool + Sync,
+) -> Vec<Rgb> {
+    let mut iterations = 0.0;
+    for (block, weight) in image.blocks().iter().zip(image.weights()) {
+        let Some(seen) = &block.statistics.seen_lights else { return vec![] };
+        let taken = seen.iterations().iter().enumerate().filter(|(fold, _)| takes(*fold));
+        iterations += weight * taken.map(|(_, count)| *count as f64).sum::<f64>();
+    }
+    let sums = sums(image, window, iterations.recip(), |block, at| {
+        let seen = block.statistics.seen_lights.as_ref().expect("kept");
+        let taken = seen.at(at).enumerate().filter(|(fold, _)| takes(*fold));
+        taken.map(|(_, seen)| seen.radiance().as_dvec3()).sum()
+    });
+    sums.iter().map(|sum| sum.as_vec3()).collect()
+}
+
+/// Denoises radiance without the light sources that pixels see, and adds these.
+pub fn denoise_around(
+    seen: &[Rgb],
+    radiance: &[Rgb],
+    denoise: impl FnOnce(&[Rgb]) -> Result<Vec<Rgb>>,
+) -> Result<Vec<Rgb>> {
+    if seen.is_empty() {
+        return denoise(radiance);
+    }
+    let rest = radiance.iter().zip(seen).map(|(all, seen)| *all - *seen);
+    let denoised = denoise(&rest.collect::<Vec<Rgb>>())?;
+    Ok(denoised.iter().zip(seen).map(|(denoised, seen)| *denoised + *seen).collect())
+}
+
 impl<'a> FoldedImage<'a> {
-    /// `None` unless all blocks keep folds, and each of `n` folds has at least one iteration. Two
-    /// folds need an iteration in each of the [`DENOISE_FOLDS`] folds, since the parts of a fold
-    /// give its noise.
+    /// `None` unless all blocks keep folds, and each of `n` folds has at least one iteration.
     pub fn new(image: &'a CombinedImage<'a>, n: usize) -> Option<Self> {
         let divides = n >= 2 && DENOISE_FOLDS.is_multiple_of(n);
         let kept = image.blocks().iter().all(|block| block.statistics.folds.is_some());
@@ -88,8 +143,17 @@ impl<'a> FoldedImage<'a> {
             return None;
         }
         let folded = Self { image, n };
-        let needed = if n == 2 { DENOISE_FOLDS } else { n };
-        (0..needed).all(|fold| folded.weight(|f| f % needed == fold) > 0.0).then_some(folded)
+        folded.has_iterations(n).then_some(folded)
+    }
+
+    /// Whether each of `n` folds has at least one iteration.
+    fn has_iterations(&self, n: usize) -> bool {
+        (0..n).all(|fold| self.weight(|f| f % n == fold) > 0.0)
+    }
+
+    /// Whether the [`DENOISE_FOLDS`] folds that make up the folds have iterations.
+    pub fn has_parts(&self) -> bool {
+        self.has_iterations(DENOISE_FOLDS)
     }
 
     /// Width and height, pixels.
@@ -115,23 +179,12 @@ impl<'a> FoldedImage<'a> {
     /// Mean radiance in a window over the iterations of the [`DENOISE_FOLDS`] folds for which
     /// `takes` returns true.
     fn mean(&self, window: Window, takes: impl Fn(usize) -> bool + Sync) -> Vec<DVec3> {
-        let blocks = self.image.blocks();
         let scale = self.weight(&takes).recip();
-        let mut sums = vec![DVec3::ZERO; window.len()];
-        let rows =
-            sums.par_chunks_mut(window.width as usize).zip(window.y..window.y + window.height);
-        rows.for_each(|(row, y)| {
-            let indices = blocks[0].film.sums.row(y).skip(window.x as usize);
-            for (sum, at) in row.iter_mut().zip(indices) {
-                for (block, weight) in blocks.iter().zip(self.image.weights()) {
-                    let folds = block.statistics.folds.as_ref().expect("kept");
-                    let taken = folds.at(at).enumerate().filter(|(fold, _)| takes(*fold));
-                    *sum += taken.map(|(_, radiance)| radiance.as_dvec3()).sum::<DVec3>()
-                        * (weight * scale);
-                }
-            }
-        });
-        sums
+        sums(self.image, window, scale, |block, at| {
+            let folds = block.statistics.folds.as_ref().expect("kept");
+            let taken = folds.at(at).enumerate().filter(|(fold, _)| takes(*fold));
+            taken.map(|(_, radiance)| radiance.as_dvec3()).sum()
+        })
     }
 
     /// Luminance of a fold in a window, row by row.
@@ -149,6 +202,11 @@ impl<'a> FoldedImage<'a> {
     /// Radiance of all other folds in a window, row by row.
     pub fn without(&self, window: Window, fold: usize) -> Vec<Rgb> {
         self.mean(window, |f| f % self.n != fold).iter().map(|value| value.as_vec3()).collect()
+    }
+
+    /// Light sources that pixels see in all other folds in a window, row by row.
+    pub fn seen_without(&self, window: Window, fold: usize) -> Vec<Rgb> {
+        seen_lights(self.image, window, |f| f % self.n != fold)
     }
 
     fn luminance(&self, window: Window, takes: impl Fn(usize) -> bool + Sync) -> Vec<f32> {

@@ -9,6 +9,7 @@ mod cross_validation;
 mod folded_image;
 mod mix;
 mod pooling;
+mod rare_light;
 mod sample;
 mod standard_error;
 mod window;
@@ -16,7 +17,7 @@ mod window;
 mod oidn;
 
 pub use cross_validation::{CrossValidation, SquaredError};
-pub use folded_image::{FoldedImage, Guides, guides};
+pub use folded_image::{FoldedImage, Guides, denoise_around, guides, seen_lights};
 pub use mix::{Mix, mixed};
 pub use oidn::{Oidn, Quality};
 pub use window::{SampledTile, TILE, Window, sample_tiles};
@@ -27,6 +28,7 @@ use bdpm_core::film::folds::DENOISE_FOLDS;
 use bdpm_core::film::radiance::{luminance_weights, total};
 use bdpm_core::image_io::Layer;
 use bdpm_core::render::block::CombinedImage;
+use rare_light::spread_rare_light;
 use sample::Sample;
 use serde::Serialize;
 
@@ -123,7 +125,8 @@ impl ErrorSummary {
 /// Denoises an image, and estimates its error by leaving out folds in turn. The result is never
 /// knowingly worse than the raw image: it is the mix with the smallest estimated error, or the raw
 /// image if that has a smaller one. If the error is unknown, it is the raw image if its noise is
-/// below 10 %. `denoiser` denoises the radiance of a window of the image.
+/// below 10 %. Light sources that pixels see are left as they are. `denoiser` denoises the radiance
+/// of a window of the image.
 ///
 /// # Errors
 /// Those of the denoiser.
@@ -133,7 +136,11 @@ pub fn denoise(
     mut denoiser: impl FnMut(Window, &[Rgb]) -> Result<Vec<Rgb>>,
 ) -> Result<Denoised> {
     let (raw, size) = (image.mean(), image.resolution());
-    let denoised = denoiser(Window::whole(size), &raw)?;
+    let whole = Window::whole(size);
+    let seen = seen_lights(image, whole, |_| true);
+    let denoised = denoise_around(&seen, &raw, |rest| {
+        denoiser(whole, &spread_rare_light(image, rest.to_vec()))
+    })?;
     let weights = importance(&denoised);
     let squared_noise = |variance: Vec<f64>| -> Vec<f64> {
         variance.iter().zip(&weights).map(|(v, w)| v * w).collect()

@@ -11,6 +11,7 @@ use bdpm_core::base::math::Rgb;
 use cancellation::{Cancellation, goes_on};
 use glam::Vec3;
 use library::{Functions, Handle};
+use serde::{Deserialize, Serialize};
 use std::ffi::{CStr, c_int, c_void};
 use std::ptr;
 use std::sync::Arc;
@@ -33,7 +34,8 @@ const MAX_FILTERS: usize = 2;
 
 /// Size of the neural network. On a processor, a run of `High` with clean guides takes about five
 /// times as long as a run of `Fast`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Quality {
     /// `OIDN_QUALITY_FAST`.
     Fast = 4,
