@@ -14,6 +14,8 @@ Problems that the user can solve raise `bdpm.Error`, which has a file, a line an
 from bdpm._bdpm import (
     VERSION as __version__,
     BestCounts,
+    Daylight,
+    DaylightReadings,
     Estimate,
     Job,
     Judgment,
@@ -31,6 +33,7 @@ from bdpm._bdpm import (
     Timings,
     calibrate,
     convert,
+    daylight,
     glare,
     judge,
     load,
@@ -42,6 +45,8 @@ from bdpm._render import analyze, render, start
 
 __all__ = [
     "BestCounts",
+    "Daylight",
+    "DaylightReadings",
     "Error",
     "Estimate",
     "Job",
@@ -62,6 +67,7 @@ __all__ = [
     "analyze",
     "calibrate",
     "convert",
+    "daylight",
     "glare",
     "judge",
     "load",

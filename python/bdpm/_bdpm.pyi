@@ -9,6 +9,8 @@ from typing_extensions import Unpack
 __all__ = [
     "VERSION",
     "BestCounts",
+    "Daylight",
+    "DaylightReadings",
     "Estimate",
     "Job",
     "Judgment",
@@ -27,6 +29,7 @@ __all__ = [
     "analyze",
     "calibrate",
     "convert",
+    "daylight",
     "glare",
     "judge",
     "load",
@@ -360,6 +363,8 @@ class MeterReadings:
     @property
     def diversity(self) -> tuple[float, float]: ...
     @property
+    def requirements(self) -> list[dict[str, Any]]: ...
+    @property
     def by_light(self) -> dict[str, MeterReadings]: ...
 
 @final
@@ -374,6 +379,52 @@ class Measurement:
     def techniques(self) -> list[str]: ...
     @property
     def notes(self) -> list[str]: ...
+
+@final
+class DaylightReadings:
+    @property
+    def name(self) -> str: ...
+    @property
+    def autonomy(self) -> NDArray[np.float64]: ...
+    @property
+    def autonomy_expanded(self) -> NDArray[np.float64]: ...
+    @property
+    def useful(self) -> NDArray[np.float64]: ...
+    @property
+    def useful_expanded(self) -> NDArray[np.float64]: ...
+    @property
+    def illuminance(self) -> NDArray[np.float64]: ...
+    @property
+    def illuminance_expanded(self) -> NDArray[np.float64]: ...
+    @property
+    def sun_hours(self) -> NDArray[np.float64]: ...
+    @property
+    def irradiation(self) -> NDArray[np.float64]: ...
+    @property
+    def irradiation_expanded(self) -> NDArray[np.float64]: ...
+    @property
+    def by_month(self) -> NDArray[np.float64]: ...
+    @property
+    def positions(self) -> NDArray[np.float64]: ...
+    @property
+    def spatial_autonomy(self) -> tuple[float, float]: ...
+    @property
+    def sunlight_exposure(self) -> float: ...
+    @property
+    def mean(self) -> tuple[float, float]: ...
+
+@final
+class Daylight:
+    @property
+    def place(self) -> str: ...
+    @property
+    def occupied_hours(self) -> int: ...
+    @property
+    def paths(self) -> int: ...
+    @property
+    def seconds(self) -> float: ...
+    @property
+    def meters(self) -> list[DaylightReadings]: ...
 
 @final
 class Judgment:
@@ -453,6 +504,21 @@ def measure(
     by_light: bool = False,
     **options: Unpack[_JobOptions],
 ) -> Measurement: ...
+def daylight(
+    scene: Scene,
+    weather: str | PathLike[str],
+    *,
+    meters: str | PathLike[str] | Sequence[Mapping[str, Any]] | None = None,
+    time: float | str | None = None,
+    paths: int | None = None,
+    turn: float = 0.0,
+    ground: float = 0.2,
+    autonomy: float = 300.0,
+    occupied: tuple[float, float] = (8.0, 18.0),
+    seed: int = 0,
+    threads: int | None = None,
+    accel: Literal["embree", "bvh"] | None = None,
+) -> Daylight: ...
 def glare(
     image: RenderResult | list[RenderResult] | ArrayLike,
     *,

@@ -7,6 +7,7 @@ mod analyze;
 mod arrays;
 mod calibrate;
 mod convert;
+mod daylight;
 mod error;
 mod estimate;
 mod files;
@@ -32,6 +33,8 @@ mod _bdpm {
     use crate::calibrate::{Timings, calibrate};
     #[pymodule_export]
     use crate::convert::convert;
+    #[pymodule_export]
+    use crate::daylight::{Daylight, DaylightReadings, daylight};
     #[pymodule_export]
     use crate::estimate::Estimate;
     #[pymodule_export]

@@ -6,7 +6,7 @@ use crate::settings;
 use crate::tables;
 use bdpm::MeasureJob;
 use bdpm::import::{parse_meters, read_meters};
-use bdpm::measurement::{Estimated, SetReadings};
+use bdpm::measurement::{Estimated, Judged, SetReadings};
 use bdpm::scene::MeterSet;
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
@@ -67,9 +67,7 @@ impl MeterReadings {
         py: Python<'py>,
         of: impl Fn(&bdpm::measurement::Reading) -> f64,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let values: Vec<f64> = self.set.readings.iter().map(of).collect();
-        let [columns, rows] = self.set.grid.map(|count| count as usize);
-        PyArray1::from_vec(py, values).reshape([rows, columns])
+        array(py, self.set.grid, self.set.readings.iter().map(of))
     }
 
     fn vectors<'py>(
@@ -77,13 +75,32 @@ impl MeterReadings {
         py: Python<'py>,
         of: impl Fn(&bdpm::measurement::MeterPlace) -> [f64; 3],
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let values: Vec<f64> = self.set.places.iter().flat_map(of).collect();
-        let [columns, rows] = self.set.grid.map(|count| count as usize);
-        PyArray1::from_vec(py, values).reshape([rows, columns, 3])
+        vectors(py, self.set.grid, self.set.places.iter().map(of))
     }
 }
 
-fn pair(own: &Estimated) -> (f64, f64) {
+/// An array of shape (rows, columns) of values row by row.
+pub fn array(
+    py: Python<'_>,
+    grid: [u32; 2],
+    values: impl Iterator<Item = f64>,
+) -> PyResult<Bound<'_, PyArray2<f64>>> {
+    let [columns, rows] = grid.map(|count| count as usize);
+    PyArray1::from_vec(py, values.collect()).reshape([rows, columns])
+}
+
+/// An array of shape (rows, columns, 3) of vectors row by row.
+pub fn vectors(
+    py: Python<'_>,
+    grid: [u32; 2],
+    values: impl Iterator<Item = [f64; 3]>,
+) -> PyResult<Bound<'_, PyArray3<f64>>> {
+    let [columns, rows] = grid.map(|count| count as usize);
+    PyArray1::from_vec(py, values.flatten().collect()).reshape([rows, columns, 3])
+}
+
+/// A value with half of the width of its interval.
+pub fn pair(own: &Estimated) -> (f64, f64) {
     (own.value, own.expanded)
 }
 
@@ -183,6 +200,25 @@ impl MeterReadings {
     #[getter]
     fn diversity(&self) -> (f64, f64) {
         pair(&self.set.diversity())
+    }
+
+    /// What is required of the set by its table: dictionaries with `what`, `unit`, `limit`
+    /// ("least" or "most"), `required`, `value`, `expanded` and `verdict` ("met", "not-met" or
+    /// "not-decided").
+    #[getter]
+    fn requirements<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let judged = |own: Judged| {
+            let judged = PyDict::new(py);
+            judged.set_item("what", own.what)?;
+            judged.set_item("unit", own.unit)?;
+            judged.set_item("limit", own.limit.name())?;
+            judged.set_item("required", own.required)?;
+            judged.set_item("value", own.found.value)?;
+            judged.set_item("expanded", own.found.expanded)?;
+            judged.set_item("verdict", own.verdict.name())?;
+            Ok(judged)
+        };
+        self.set.judged().into_iter().map(judged).collect()
     }
 
     /// Readings under each group of lights alone, by its name, if lights were measured apart. Their
@@ -318,7 +354,7 @@ pub fn measure(
 }
 
 /// The meters of a file, or of a list of dictionaries.
-fn meter_sets(meters: &Bound<'_, PyAny>, scene: &Scene) -> PyResult<Vec<MeterSet>> {
+pub fn meter_sets(meters: &Bound<'_, PyAny>, scene: &Scene) -> PyResult<Vec<MeterSet>> {
     let scene = &scene.loaded.scene;
     if meters.is_instance_of::<PyString>() || meters.hasattr("__fspath__")? {
         return read_meters(&meters.extract::<PathBuf>()?, scene).map_err(raised);

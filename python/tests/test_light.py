@@ -1,6 +1,7 @@
 """Measurements of light: meters and glare."""
 
 import math
+from pathlib import Path
 from typing import Any
 
 import bdpm
@@ -40,6 +41,42 @@ def test_meters_have_the_inverse_square_law_and_their_places() -> None:
     assert list(grid.by_light) == ["lamp"]
     np.testing.assert_allclose(grid.by_light["lamp"].values, grid.values)
     assert measured.reached and measured.seconds > 0
+
+
+def test_requirements_are_judged() -> None:
+    lamp = {"type": "point", "position": (0, 2, 0), "candela": 1000}
+    meter = {"position": (0, 0, 0), "normal": (0, 1, 0), "required_mean": 240, "required_ugr": 19}
+    (center,) = bdpm.measure(floor(lights=[lamp]), meters=[meter], target_error=0.02, accel="bvh").meters
+    mean, glare = center.requirements
+    assert mean["what"] == "maintained mean" and mean["unit"] == "lx" and mean["limit"] == "least"
+    assert mean["required"] == 240 and mean["value"] == pytest.approx(250, rel=1e-3)
+    assert [mean["verdict"], glare["verdict"]] == ["met", "met"]
+
+
+def test_daylight_of_a_year_in_the_open(tmp_path: Path) -> None:
+    weather = tmp_path / "day.epw"
+    header = ["LOCATION,Munich,BY,DEU,x,0,48.1,11.7,1.0,520.0"] + [f"LINE {line}" for line in range(2, 9)]
+    hours = [
+        f"2001,6,21,{hour},60,A,20,10,40,95000,0,0,300,0,{(600, 0)[not 6 < hour < 20]},{(120, 0)[not 6 < hour < 20]}"
+        for hour in range(1, 25)
+    ]
+    weather.write_text("\n".join(header + hours) + "\n")
+    plane = {"name": "plane", "corner": (-0.5, 0, -0.5), "edges": ((1, 0, 0), (0, 0, 1)), "normal": (0, 1, 0)}
+    meters = [plane | {"columns": 3, "rows": 2}]
+    year = bdpm.daylight(floor(), weather, meters=meters, paths=2000, accel="bvh")
+    (own,) = year.meters
+    assert (year.occupied_hours, own.name) == (10, "plane") and year.paths >= 2000
+    assert own.autonomy.shape == (2, 3) and own.useful.shape == (2, 3, 4) and own.by_month.shape == (12, 24)
+    np.testing.assert_allclose(own.autonomy, 100)
+    np.testing.assert_allclose(own.useful.sum(axis=2), 100)
+    assert own.spatial_autonomy[0] == 100 and own.sunlight_exposure == 0
+    mean, expanded = own.mean
+    assert abs(own.illuminance.mean() - mean) < 1e-6 * mean and 0 < expanded < 0.05 * mean
+    assert own.by_month[5, 1] == 0 and own.by_month[5, 12] > 30_000
+    again = bdpm.daylight(floor(), weather, meters=meters, paths=2000, accel="bvh", threads=1)
+    np.testing.assert_array_equal(own.illuminance, again.meters[0].illuminance)
+    with pytest.raises(bdpm.Error, match="o'clock"):
+        bdpm.daylight(floor(), weather, meters=meters, paths=2000, occupied=(18, 8))
 
 
 def test_meters_that_are_not_valid_name_the_table() -> None:

@@ -1,6 +1,7 @@
 //! Whether the noise in a room with a ball of some material is what formula (1) predicts from other
 //! counts.
 
+use crate::common::klems::uneven;
 use crate::common::*;
 use bdpm::noise::Measure;
 use bdpm::render::RenderConfig;
@@ -30,6 +31,7 @@ pub fn materials() -> Vec<(&'static str, Bsdf)> {
                 Vec3::new(0.4, 0.5, 0.6),
             )),
         ),
+        ("blinds", uneven(0.9, Vec3::Z)),
         ("coat", Bsdf::Coated(Coated::new(Vec3::new(0.7, 0.3, 0.2), 1.5))),
         ("gloss", Bsdf::Glossy(Glossy::new(Vec3::new(0.7, 0.3, 0.2), 0.3, 1.5, 0.15))),
     ]

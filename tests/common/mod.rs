@@ -11,6 +11,7 @@ pub mod fog;
 pub mod gltf;
 pub mod html;
 pub mod images;
+pub mod klems;
 pub mod material_noise;
 pub mod mutate;
 pub mod own_process;

@@ -21,6 +21,7 @@ mod gltf_bad;
 mod gltf_looks;
 mod hdr;
 mod instances;
+mod klems;
 mod light;
 mod light_names;
 mod luminaires;

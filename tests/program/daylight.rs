@@ -59,7 +59,7 @@ fn requirements_are_met_or_not() {
     scene(folder.path(), "required_mean = 410\nmaintenance_factor = 0.8\n");
     let output = bdpm(&measure);
     let text = succeed(&output);
-    assert!(text.contains("required 410 lx: not met"), "{text}");
+    assert!(text.contains("at least 410 lx: not met"), "{text}");
     scene(folder.path(), "required_mean = 0\n");
     assert_refused(&bdpm(&measure), "scene.toml:14: the required mean is 0", "positive");
     scene(folder.path(), "maintenance_factor = 1.5\n");

@@ -87,3 +87,47 @@ fn options_of_scenes_are_refused_for_images() {
     let refused = command.args(["glare", "absent.exr", "--time", "1s"]).output().unwrap();
     assert_refused(&refused, "--time is an option for scenes", "leave it out");
 }
+
+/// Eyes that are meters: one sees the panel, one looks away from it.
+#[test]
+fn meters_that_require_a_rating_are_eyes() {
+    let folder = tempfile::tempdir().unwrap();
+    let center = DVec3::new(0.3, 0.5, -2.0);
+    write_room(folder.path(), center);
+    let scene = folder.path().join("room.toml");
+    let eye = |normal: &str, most: f64| {
+        format!(
+            "[[meter]]\nposition = [0, 0, 0]\nnormal = {normal}\nrequired_ugr = {most}\n\
+             required_minimum = 1\n"
+        )
+    };
+    let text = std::fs::read_to_string(&scene).unwrap();
+    let eyes = [eye("[0, 0, -1]", 30.0), eye("[0, 0, -1]", 10.0), eye("[0, 0, 1]", 19.0)];
+    write(&scene, text + &eyes.concat()).unwrap();
+    let measure = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_bdpm"));
+        let own = ["measure", "room.toml", "--accel", "bvh", "--target-error", "1%", "--quiet"];
+        command.current_dir(folder.path()).args(own).args(more).stdin(Stdio::null());
+        command.output().unwrap()
+    };
+    let report = json(&measure(&["--json"]));
+    let rated = json(&glare(folder.path(), &["--target-error", "1%", "--json", "--quiet"]));
+    let number = |value: &serde_json::Value, key: &str| value[key].as_f64().unwrap();
+    let verdict = |index: usize| {
+        let rating = &report["meters"][index]["requirements"][1];
+        assert_eq!((&rating["what"], &rating["limit"]), (&"largest UGR".into(), &"most".into()));
+        rating["verdict"].as_str().unwrap().to_owned()
+    };
+    assert_eq!([0, 1, 2].map(verdict), ["met", "not-met", "met"]);
+    let own = &report["meters"][0]["ugr"][0];
+    let off = number(own, "value") - number(&rated["ugr"], "value");
+    let expanded = number(own, "expanded").hypot(number(&rated["ugr"], "expanded"));
+    assert!(off.abs() < 1.5 * expanded + 0.02 && expanded < 0.3, "{own} {rated}");
+    assert!(report["meters"][2]["ugr"][0].is_null(), "no luminaire is in view");
+    let text = succeed(&measure(&[])).to_owned();
+    assert!(text.contains("largest UGR") && text.contains("at most 10: not met"), "{text}");
+    // What looks at one point along a ray is no eye.
+    let text = std::fs::read_to_string(&scene).unwrap().replace("normal", "direction");
+    write(&scene, text).unwrap();
+    assert_refused(&measure(&[]), "a meter of luminance has no glare rating", "`normal`");
+}

@@ -1,5 +1,6 @@
 //! Every BSDF keeps its promises: reciprocity, energy, and sampling in proportion to its density.
 
+use crate::common::klems::uneven;
 use bdpm::base::math::{luminance, uniform_sphere};
 use bdpm::base::rng::{Rng, Stream, StreamKey};
 use bdpm::scene::bsdf::{
@@ -100,6 +101,7 @@ fn spread() -> Vec<Bsdf> {
         Bsdf::Lambertian { albedo, two_sided: false },
         sheet(),
         Bsdf::DiffuseTransmission(DiffuseTransmission::new(Vec3::ZERO, albedo)),
+        uneven(0.9, TANGENT),
         white_metal(0.2),
         white_metal(0.8),
         gold(0.4),

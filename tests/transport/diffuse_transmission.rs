@@ -13,7 +13,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// Direct light, the merge vertex, and the kernel: everything by which photons may merge.
-const STRATEGIES: [(Direct, u32, Kernel); 7] = [
+pub(super) const STRATEGIES: [(Direct, u32, Kernel); 7] = [
     (Direct::Connect, 1, Kernel::Disc),
     (Direct::Connect, MIS, Kernel::Area),
     (Direct::PhotonMap, 1, Kernel::Disc),
@@ -122,7 +122,7 @@ fn white_sheets_in_a_furnace_have_its_radiance() {
 
 /// A closed box of two rooms that a curtain divides. The lamp is in the room behind, in a shade
 /// that is a smooth ball.
-fn curtain() -> Arc<Scene> {
+pub(super) fn curtain([curtain, shade]: [Bsdf; 2]) -> Arc<Scene> {
     let mut meshes = Vec::new();
     for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
         meshes.push(square(axis, -axis, 1.0, 0));
@@ -134,15 +134,7 @@ fn curtain() -> Arc<Scene> {
     let normals = ball.positions.iter().map(|p| (*p - center).normalize()).collect();
     meshes.push(Mesh { normals, ..ball });
     meshes.push(square(center, Vec3::new(0.3, -0.4, 1.0), 0.08, 3));
-    let colored = |reflectance, transmittance| {
-        material(Bsdf::DiffuseTransmission(DiffuseTransmission::new(reflectance, transmittance)))
-    };
-    let materials = vec![
-        gray(0.6, 0.0),
-        colored(Vec3::new(0.3, 0.5, 0.2), Vec3::new(0.6, 0.3, 0.4)),
-        colored(Vec3::splat(0.2), Vec3::new(0.7, 0.6, 0.4)),
-        gray(0.0, 60.0),
-    ];
+    let materials = vec![gray(0.6, 0.0), material(curtain), material(shade), gray(0.0, 60.0)];
     let lights = vec![point_light(Vec3::new(-0.6, 0.6, -0.5), 0.3)];
     let camera = camera(Vec3::new(-0.7, -0.85, 0.3), Vec3::new(0.3, 0.5, -0.2), 75.0);
     scene(meshes, materials, lights, camera)
@@ -166,8 +158,22 @@ fn path_traced(scene: &Arc<Scene>, settings: &Settings, iterations: u32) -> Esti
 /// strategy has the mean of the path tracer, which shares only the scene.
 #[test]
 fn light_behind_a_curtain_is_that_of_the_path_tracer() {
-    let scene = curtain();
-    let accel = accel(&scene);
+    let colored = |reflectance, transmittance| {
+        Bsdf::DiffuseTransmission(DiffuseTransmission::new(reflectance, transmittance))
+    };
+    let scene = curtain([
+        colored(Vec3::new(0.3, 0.5, 0.2), Vec3::new(0.6, 0.3, 0.4)),
+        colored(Vec3::splat(0.2), Vec3::new(0.7, 0.6, 0.4)),
+    ]);
+    assert_is_path_traced(
+        &scene,
+        &[&STRATEGIES[..], &[(Direct::Connect, 2, Kernel::Area)]].concat(),
+    );
+}
+
+/// Asserts that photons by these strategies and camera paths have the mean of the path tracer.
+pub(super) fn assert_is_path_traced(scene: &Arc<Scene>, strategies: &[(Direct, u32, Kernel)]) {
+    let accel = accel(scene);
     let base = Settings {
         light_paths: 40_000,
         camera_paths: 16,
@@ -176,19 +182,18 @@ fn light_behind_a_curtain_is_that_of_the_path_tracer() {
         seed: 3,
         ..settings(12, 12)
     };
-    let reference = path_traced(&scene, &base, 160);
+    let reference = path_traced(scene, &base, 160);
     println!("path tracer: {reference:?}");
     assert!(reference.error < 6e-3 * reference.mean, "{reference:?} says little");
     let path = Settings { strategy: Strategy::Path, merge_vertex: 2, ..base.clone() };
-    let by_photons = STRATEGIES.into_iter().chain([(Direct::Connect, 2, Kernel::Area)]);
-    let by_photons = by_photons.map(|(direct, merge_vertex, kernel)| {
+    let by_photons = strategies.iter().map(|&(direct, merge_vertex, kernel)| {
         by_way(Settings { direct, merge_vertex, kernel, ..base.clone() })
     });
     for settings in by_photons.chain([path]) {
         let what = format!("{:?} {:?} {:?}", settings.strategy, settings.direct, settings.kernel);
         // Discs lose the light of photons that edges cut off.
         let bias = if settings.kernel == Kernel::Disc { 3e-2 } else { 6e-3 };
-        let found = mean_luminance(&scene, &accel, settings, 40);
+        let found = mean_luminance(scene, &accel, settings, 40);
         let error = found.error.hypot(reference.error);
         let off = found.mean / reference.mean - 1.0;
         println!("{what}: off by {off:+.4} +- {:.4}", error / reference.mean);

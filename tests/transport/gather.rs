@@ -1,6 +1,7 @@
 //! Camera paths that end at a cache of light.
 
 use crate::common::far_counts::Subject;
+use crate::common::klems::uneven;
 use crate::common::*;
 use bdpm::film::radiance::luminance;
 use bdpm::noise::Measure;
@@ -63,6 +64,7 @@ fn scenes() -> Vec<(&'static str, Arc<Scene>)> {
         ("wide principled surfaces", principled(0.8, 0.0)),
         ("narrow principled surfaces", principled(0.4, 0.3)),
         ("glossy surfaces", Bsdf::Glossy(glossy)),
+        ("blinds", uneven(0.9, Vec3::Z)),
         ("sheets that transmit", Bsdf::DiffuseTransmission(sheet)),
     ];
     let walls = walls.map(|(name, bsdf)| (name, box_of(bsdf)));

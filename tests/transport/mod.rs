@@ -22,6 +22,7 @@ mod guides;
 mod hidden;
 mod instances;
 mod interpolated_normals;
+mod klems;
 mod large_sites;
 mod layers;
 mod light_visibility;

@@ -8,7 +8,7 @@ use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::Result;
 use bdpm::light::false_color::{ColorScale, ValueGrid};
 use bdpm::light::isolines::isolines_svg;
-use bdpm::measurement::{Estimated, Judged, MeterPlace, Reading, SetReadings};
+use bdpm::measurement::{Estimated, Judged, Limit, MeterPlace, Reading, SetReadings};
 use bdpm::report::number::fixed;
 use bdpm::report::picture::{Colors, Picture};
 use bdpm::report::{document, header, table};
@@ -69,7 +69,7 @@ fn requirements(measurement: &Measurement) -> Markup {
         set.judged().iter().map(|own| requirement(set, own)).collect()
     };
     let all: Vec<Markup> = measurement.sets.iter().flat_map(of_set).collect();
-    let names = ["*meters", "*requirement", "least", "found", "uncertainty", "*verdict"];
+    let names = ["*meters", "*requirement", "required", "found", "uncertainty", "*verdict"];
     let rows = html! { (header(&names)) tbody { @for row in &all { (row) } } };
     html! {
         @if !all.is_empty() {
@@ -79,14 +79,15 @@ fn requirements(measurement: &Measurement) -> Markup {
 }
 
 fn requirement(set: &SetReadings, own: &Judged) -> Markup {
-    let Judged { what, unit, required, found, verdict } = own;
-    let digits = if unit.is_empty() { 3 } else { digits_of(found.expanded) };
+    let Judged { what, unit, limit, required, found, verdict } = own;
+    let is_ratio = unit.is_empty() && *limit == Limit::Least;
+    let digits = if is_ratio { 3 } else { digits_of(found.expanded) };
     let factor = (!unit.is_empty()).then(|| set.maintenance_factor()).flatten();
     html! {
         tr {
             td .text { (set.name) }
             td .text { (what) @if let Some(factor) = factor { ", factor " (factor) } }
-            td { (required) " " (unit) }
+            td { (limit.describe()) " " (required) " " (unit) }
             td { (uncertainty(found.value, digits)) " " (unit) }
             td { (half_width(found.expanded, digits)) }
             td .text { strong { (verdict.describe()) } }

@@ -154,6 +154,7 @@ fn kind(bsdf: &Bsdf) -> &'static str {
         Bsdf::Plastic(_) => "plastic",
         Bsdf::Principled(_) => "principled",
         Bsdf::DiffuseTransmission(_) => "translucent",
+        Bsdf::Klems(_) => "BSDF file",
     }
 }
 

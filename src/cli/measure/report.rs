@@ -1,7 +1,7 @@
 //! A measurement as JSON.
 
 use bdpm::Measurement;
-use bdpm::measurement::{Judged, Reading, SetReadings};
+use bdpm::measurement::{Estimated, Judged, Reading, SetReadings};
 use serde::Serialize;
 
 /// A measurement. All uncertainties are in the units of the values.
@@ -48,6 +48,9 @@ struct SetReport<'a> {
     normals: Vec<[f32; 3]>,
     /// Row by row.
     readings: Vec<ReadingReport>,
+    /// Row by row, where it is required: the unified glare rating of an eye at each meter, which
+    /// looks along its normal; none for eyes with no luminaire in view.
+    ugr: &'a [Option<Estimated>],
     /// What is required of the set, with what was found and a verdict: `met`, `not-met` or
     /// `not-decided`.
     requirements: Vec<Judged>,
@@ -121,6 +124,7 @@ impl<'a> SetReport<'a> {
             positions: set.places.iter().map(|place| place.position.to_array()).collect(),
             normals: set.places.iter().map(|place| place.normal.to_array()).collect(),
             readings: readings(&set.readings),
+            ugr: &set.ugr,
             requirements: set.judged(),
             maintenance_factor: set.requirement.maintenance,
             groups: set.groups.iter().map(group).collect(),

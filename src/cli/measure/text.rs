@@ -3,7 +3,7 @@
 use super::digits::{UNKNOWN, digits, digits_of, uncertainty};
 use crate::cli::human_time;
 use bdpm::Measurement;
-use bdpm::measurement::{Estimated, Judged, Reading, SetReadings};
+use bdpm::measurement::{Estimated, Judged, Limit, Reading, SetReadings};
 use std::fmt::Write;
 
 pub fn text(measurement: &Measurement) -> String {
@@ -93,14 +93,15 @@ fn rows(text: &mut String, set: &SetReadings, width: usize) {
 
 /// A requirement, what was found, and whether that is enough.
 fn judgment(own: &Judged, set: &SetReadings) -> String {
-    let Judged { what, unit, required, found, verdict } = own;
+    let Judged { what, unit, limit, required, found, verdict } = own;
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-    let digits = if unit.is_empty() { 3 } else { digits_of(found.expanded) };
+    let is_ratio = unit.is_empty() && *limit == Limit::Least;
+    let digits = if is_ratio { 3 } else { digits_of(found.expanded) };
     let [value, expanded] = [found.value, found.expanded].map(|own| uncertainty(own, digits));
     let factor = set.maintenance_factor().filter(|_| !unit.is_empty());
     let factor = factor.map_or(String::new(), |own| format!(" (maintenance factor {own})"));
-    let verdict = verdict.describe();
-    format!("{what} {value}{unit} +- {expanded}{factor}, required {required}{unit}: {verdict}")
+    let (limit, verdict) = (limit.describe(), verdict.describe());
+    format!("{what} {value}{unit} +- {expanded}{factor}, {limit} {required}{unit}: {verdict}")
 }
 
 /// A minimum or maximum in the columns of values and uncertainties.

@@ -109,8 +109,15 @@ impl Meters {
 pub struct Requirement {
     /// Least mean over the set after the maintenance factor, lx or cd/m^2.
     pub mean: Option<f64>,
+    /// Least value of each meter after the maintenance factor, lx or cd/m^2.
+    pub minimum: Option<f64>,
     /// Least uniformity `U_0`, the minimum over the mean.
     pub uniformity: Option<f64>,
+    /// Least diversity `U_d`, the minimum over the maximum.
+    pub diversity: Option<f64>,
+    /// Most that the unified glare rating of an eye at each meter, which looks along its normal,
+    /// may be.
+    pub ugr: Option<f64>,
     /// Daylight factors that half of the points and 95 % of them must have, percent (EN 17037).
     pub daylight_factor: Option<[f64; 2]>,
     /// Light at the time of maintenance over that of the new installation, in (0, 1].
@@ -119,7 +126,15 @@ pub struct Requirement {
 
 impl Default for Requirement {
     fn default() -> Self {
-        Self { mean: None, uniformity: None, daylight_factor: None, maintenance: 1.0 }
+        Self {
+            mean: None,
+            minimum: None,
+            uniformity: None,
+            diversity: None,
+            ugr: None,
+            daylight_factor: None,
+            maintenance: 1.0,
+        }
     }
 }
 
@@ -129,14 +144,20 @@ impl Requirement {
     /// # Errors
     /// If a number is not one that light can have.
     pub fn checked(self) -> Result<Self> {
-        let Self { mean, uniformity, daylight_factor, maintenance } = self;
-        if mean.is_some_and(|own| !(own > 0.0 && own.is_finite())) {
-            let problem = format!("the required mean is {}", mean.unwrap_or_default());
-            return Err(Error::new(problem, "give a positive number, in the unit of the meter"));
-        }
-        if uniformity.is_some_and(|own| !(own > 0.0 && own <= 1.0)) {
-            let problem = format!("the required uniformity is {}", uniformity.unwrap_or_default());
-            return Err(Error::new(problem, "give the minimum over the mean, above 0, at most 1"));
+        let Self { mean, minimum, uniformity, diversity, ugr, daylight_factor, maintenance } = self;
+        let positive = "give a positive number, in the unit of the meter";
+        let share = "give a ratio above 0, at most 1";
+        for (name, value, most, advice) in [
+            ("mean", mean, f64::MAX, positive),
+            ("minimum", minimum, f64::MAX, positive),
+            ("uniformity", uniformity, 1.0, share),
+            ("diversity", diversity, 1.0, share),
+            ("glare rating", ugr, 100.0, "give a number above 0, such as 19"),
+        ] {
+            // Written so that NaN fails.
+            if let Some(value) = value.filter(|own| !(*own > 0.0 && *own <= most)) {
+                return Err(Error::new(format!("the required {name} is {value}"), advice));
+            }
         }
         let is_percent = |own: f64| own > 0.0 && own <= 100.0;
         if daylight_factor.is_some_and(|own| !own.into_iter().all(is_percent)) {
@@ -158,7 +179,9 @@ impl Requirement {
 
     /// Returns true if something is required.
     pub fn is_any(&self) -> bool {
-        self.mean.is_some() || self.uniformity.is_some() || self.daylight_factor.is_some()
+        let Self { mean, minimum, uniformity, diversity, ugr, daylight_factor, .. } = self;
+        let numbers = [mean, minimum, uniformity, diversity, ugr];
+        numbers.iter().any(|own| own.is_some()) || daylight_factor.is_some()
     }
 }
 
@@ -352,7 +375,10 @@ mod tests {
     fn impossible_requirements_are_refused() {
         let own = Requirement {
             mean: Some(500.0),
+            minimum: Some(1.0),
             uniformity: Some(0.6),
+            diversity: Some(0.025),
+            ugr: Some(19.0),
             daylight_factor: Some([2.1, 0.7]),
             maintenance: 0.8,
         };
@@ -360,6 +386,10 @@ mod tests {
         assert!(Requirement { mean: Some(0.0), ..own }.checked().is_err());
         assert!(Requirement { mean: Some(f64::NAN), ..own }.checked().is_err());
         assert!(Requirement { uniformity: Some(1.1), ..own }.checked().is_err());
+        assert!(Requirement { minimum: Some(-1.0), ..own }.checked().is_err());
+        assert!(Requirement { diversity: Some(40.0), ..own }.checked().is_err());
+        assert!(Requirement { ugr: Some(0.0), ..own }.checked().is_err());
+        assert!(Requirement { ugr: Some(19.0), ..Requirement::default() }.is_any());
         assert!(Requirement { daylight_factor: Some([2.1, -1.0]), ..own }.checked().is_err());
         for maintenance in [0.0, 1.1, f64::NAN] {
             assert!(Requirement { maintenance, ..own }.checked().is_err());

@@ -2,6 +2,7 @@
 //! with meshes, looks and lights, and returns what its file describes.
 
 mod gltf;
+pub mod klems;
 mod meters;
 mod mitsuba;
 mod mtl;

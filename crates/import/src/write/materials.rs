@@ -1,7 +1,8 @@
 //! `[materials.NAME]`.
 
+use super::klems::BsdfFiles;
 use super::media::MediumTables;
-use super::numbers::{color, inverse, number, roughness};
+use super::numbers::{color, inverse, number, point, roughness};
 use super::textures::TextureFiles;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
@@ -33,7 +34,7 @@ impl<'a> MaterialTables<'a> {
     }
 
     /// All tables.
-    pub fn tables(&self, textures: &mut TextureFiles<'a>) -> Result<String> {
+    pub fn tables(&self, textures: &mut TextureFiles<'a>, bsdfs: &mut BsdfFiles) -> Result<String> {
         let mut text = String::new();
         for (material, name) in self.materials.iter().zip(&self.names) {
             let is_bare = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
@@ -43,6 +44,9 @@ impl<'a> MaterialTables<'a> {
                 let problem = format!("the material `{name}` cannot be written: {problem}");
                 Error::new(problem, "change it in the original scene")
             })?;
+            if let Bsdf::Klems(sheet) = &material.bsdf {
+                let _ = writeln!(text, "file = \"{}\"", bsdfs.name(sheet.matrices(), name));
+            }
             text += &self.media.keys(material.boundary.as_ref());
             text += &self::textures(material, name, textures);
         }
@@ -85,6 +89,7 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
             format!("type = \"coated\"\nalbedo = {albedo}\nior = {ior}\n")
         }
         Bsdf::DiffuseTransmission(own) => sheet(material, &own),
+        Bsdf::Klems(sheet) => format!("type = \"klems\"\nup = {}\n", point(sheet.up())),
         Bsdf::Plastic(surface) => plastic(&surface)?,
         Bsdf::Principled(surface) => principled(surface.parameters())?,
         Bsdf::Glossy(glossy) => {

@@ -1,9 +1,11 @@
-//! Scenes as folders that can be edited: `scene.toml`, a mesh per OBJ file, and textures as PNG.
+//! Scenes as folders that can be edited: `scene.toml`, a mesh per OBJ file, textures as PNG,
+//! and matrices of scattering as BSDF files.
 //!
 //! The folder loads as an identical scene, as far as the formats allow: numbers are written with
 //! the shortest text that parses to the same bits.
 
 mod folder;
+mod klems;
 mod materials;
 mod media;
 mod meshes;
@@ -16,6 +18,7 @@ use bdpm_core::base::error::Result;
 use bdpm_core::scene::{MeterSet, Scene};
 use bdpm_core::settings::PartialSettings;
 use folder::ExportFolder;
+use klems::BsdfFiles;
 use materials::MaterialTables;
 use media::MediumTables;
 use meshes::MeshFiles;
@@ -47,7 +50,7 @@ pub fn export_scene(
     let mut warnings = Vec::new();
     let media = MediumTables::new(scene);
     let materials = MaterialTables::new(scene.materials(), &media);
-    let mut textures = TextureFiles::default();
+    let (mut textures, mut bsdfs) = (TextureFiles::default(), BsdfFiles::default());
     let meshes = MeshFiles::new(scene);
 
     let mut text = tables::head(origin);
@@ -60,13 +63,13 @@ pub fn export_scene(
     text += &environment.map(tables::environment).unwrap_or_default();
     text += &tables::lights(scene, &mut warnings);
     text += &media.tables();
-    text += &materials.tables(&mut textures)?;
+    text += &materials.tables(&mut textures, &mut bsdfs)?;
     text += &meshes.tables(&materials, &mut warnings);
     text += &tables::meters(meters, scene);
 
     let mut out = ExportFolder::new(folder, replace);
     out.plan("scene.toml");
-    meshes.files().chain(textures.files()).for_each(|file| out.plan(file));
+    meshes.files().chain(textures.files()).chain(bsdfs.files()).for_each(|file| out.plan(file));
     let environment = environment.filter(|own| !tables::is_plain(own));
     if environment.is_some() {
         out.plan(tables::ENVIRONMENT);
@@ -78,6 +81,7 @@ pub fn export_scene(
     let files = out.begin()?;
     meshes.write(&out)?;
     textures.write(&out)?;
+    bsdfs.write(&out)?;
     if let Some(environment) = environment {
         self::textures::write_environment(environment, &out.path(tables::ENVIRONMENT))?;
     }

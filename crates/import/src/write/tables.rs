@@ -109,11 +109,15 @@ pub(super) fn regions(regions: &[Region]) -> String {
 
 /// The keys of a requirement.
 fn required(requirement: &Requirement) -> String {
-    let Requirement { mean, uniformity, daylight_factor, maintenance } = *requirement;
+    let Requirement { mean, minimum, uniformity, diversity, ugr, daylight_factor, maintenance } =
+        *requirement;
     let maintenance = (maintenance != 1.0).then_some(maintenance);
     let keys = [
         ("required_mean", mean),
+        ("required_minimum", minimum),
         ("required_uniformity", uniformity),
+        ("required_diversity", diversity),
+        ("required_ugr", ugr),
         ("maintenance_factor", maintenance),
     ];
     let given = keys.into_iter().filter_map(|(key, value)| Some(format!("{key} = {:?}\n", value?)));

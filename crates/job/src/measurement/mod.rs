@@ -24,7 +24,7 @@ mod warnings;
 
 pub use extremes::Estimated;
 pub use reading::{Reading, SampleTail, quantity, unit};
-pub use requirement::{Judged, Verdict};
+pub use requirement::{Judged, Limit, Verdict};
 pub use results::{Measurement, MeterPlace, SetReadings};
 pub use room_glare::{LuminaireGlare, RoomGlare};
 pub use warnings::lost_light;
@@ -37,6 +37,7 @@ use bdpm_load::Loaded;
 use rayon::ThreadPool;
 use render_meters::OneKind;
 use results::empty_readings;
+use room_glare::ratings;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -221,7 +222,11 @@ impl MeasureJob {
                 }
             }
         }
-        for set in &mut measurement.sets {
+        for (set, own) in measurement.sets.iter_mut().zip(&self.sets) {
+            if own.requirement.ugr.is_some() && self.outdoors.is_none() {
+                let rate = || ratings(&self.loaded.scene, &*accel, &own.meters, &set.readings);
+                set.ugr = self.threads.as_ref().map_or_else(rate, |threads| threads.install(rate));
+            }
             set.finish(self.outdoors, self.by_light);
             let worst = set.worst(self.means_only);
             measurement.reached &= target.is_none_or(|target| worst <= target);

@@ -24,6 +24,18 @@ pub enum Verdict {
 }
 
 impl Verdict {
+    /// The verdict on an estimate that may have at most this value; `None` where it is not known.
+    fn of_most(found: Estimated, most: f64) -> Self {
+        let Estimated { value, expanded } = found;
+        if value + expanded <= most {
+            Self::Met
+        } else if value - expanded > most {
+            Self::NotMet
+        } else {
+            Self::NotDecided
+        }
+    }
+
     /// The verdict on an estimate. Where its interval is open above, nothing is known to be too
     /// little.
     fn of(Estimated { value, expanded }: Estimated, required: f64, is_open: bool) -> Self {
@@ -33,6 +45,15 @@ impl Verdict {
             Self::NotMet
         } else {
             Self::NotDecided
+        }
+    }
+
+    /// The name in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Met => "met",
+            Self::NotMet => "not-met",
+            Self::NotDecided => "not-decided",
         }
     }
 
@@ -46,6 +67,34 @@ impl Verdict {
     }
 }
 
+/// The side on which a requirement bounds a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Limit {
+    /// At least the required value.
+    Least,
+    /// At most the required value.
+    Most,
+}
+
+impl Limit {
+    /// The name in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Least => "least",
+            Self::Most => "most",
+        }
+    }
+
+    /// The limit in words.
+    pub fn describe(self) -> &'static str {
+        match self {
+            Self::Least => "at least",
+            Self::Most => "at most",
+        }
+    }
+}
+
 /// A requirement with what was found.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Judged {
@@ -53,7 +102,9 @@ pub struct Judged {
     pub what: &'static str,
     /// Unit of both numbers.
     pub unit: &'static str,
-    /// The least value.
+    /// Whether the found value must be at least or at most the required one.
+    pub limit: Limit,
+    /// The required value.
     pub required: f64,
     /// What was found, with an interval of 95 %.
     #[serde(flatten)]
@@ -66,10 +117,12 @@ impl SetReadings {
     /// Every requirement of the set with what was found. The mean counts after the maintenance
     /// factor, daylight factors by the points of the grid that have them.
     pub fn judged(&self) -> Vec<Judged> {
-        let Requirement { mean, uniformity, daylight_factor, maintenance } = self.requirement;
+        let Requirement { mean, minimum, uniformity, diversity, ugr, daylight_factor, maintenance } =
+            self.requirement;
         let judged = |what, unit, required, found| Judged {
             what,
             unit,
+            limit: Limit::Least,
             required,
             found,
             verdict: Verdict::of(found, required, self.open > 0),
@@ -79,13 +132,43 @@ impl SetReadings {
             let of_share = |(least, (share, what))| judged(what, "%", share, self.share(least));
             return least.map(of_share).collect();
         }
-        let maintained = Estimated {
-            value: maintenance * self.mean.value,
-            expanded: maintenance * self.mean.expanded,
+        let maintained = |own: Estimated| Estimated {
+            value: maintenance * own.value,
+            expanded: maintenance * own.expanded,
         };
-        let mean = mean.map(|own| judged("maintained mean", self.unit(), own, maintained));
-        let uniformity = uniformity.map(|own| judged("uniformity U0", "", own, self.uniformity()));
-        mean.into_iter().chain(uniformity).collect()
+        let of_unit =
+            |what, required, found| judged(what, self.unit(), required, maintained(found));
+        let ratio = |what, required, found| judged(what, "", required, found);
+        let glare = |most| {
+            let found = self.largest_ugr();
+            let verdict = Verdict::of_most(found, most);
+            let limit = Limit::Most;
+            Judged { what: "largest UGR", unit: "", limit, required: most, found, verdict }
+        };
+        [
+            mean.map(|own| of_unit("maintained mean", own, (&self.mean).into())),
+            minimum.map(|own| of_unit("maintained minimum", own, self.extremes()[0])),
+            uniformity.map(|own| ratio("uniformity U0", own, self.uniformity())),
+            diversity.map(|own| ratio("diversity Ud", own, self.diversity())),
+            ugr.map(glare),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+
+    /// The largest unified glare rating of the eyes; 0 if none has a luminaire in view.
+    fn largest_ugr(&self) -> Estimated {
+        let rated = self.ugr.iter().flatten();
+        let most = |sign: f64| {
+            let bound = |own: &Estimated| own.value + sign * own.expanded;
+            rated.clone().map(bound).fold(0.0, f64::max)
+        };
+        let [value, low, high] = [0.0, -1.0, 1.0].map(most);
+        if rated.clone().any(|own| !own.value.is_finite()) {
+            return Estimated::UNKNOWN;
+        }
+        Estimated { value, expanded: (high - value).max(value - low) }
     }
 
     /// The factor on the mean that a requirement is compared with, if it is not 1.
@@ -140,6 +223,38 @@ mod tests {
         assert_eq!(verdict(620.0, 10.0, 0), Verdict::NotDecided);
         assert_eq!(verdict(f64::NAN, f64::NAN, 0), Verdict::NotDecided);
         assert_eq!(verdict(640.0, f64::INFINITY, 0), Verdict::NotDecided);
+    }
+
+    #[test]
+    fn the_darkest_point_and_the_worst_eye_decide() {
+        let requirement = Requirement {
+            minimum: Some(1.0),
+            diversity: Some(0.025),
+            ugr: Some(19.0),
+            maintenance: 0.8,
+            ..Requirement::default()
+        };
+        let readings = vec![reading(1.5, 0.1), reading(30.0, 0.1), reading(20.0, 0.1)];
+        let mut set = grid(readings, reading(17.0, 0.1), requirement);
+        let rating = |value, expanded| Some(Estimated { value, expanded });
+        set.ugr = vec![rating(17.0, 0.3), None, rating(16.0, 2.0)];
+        let [minimum, diversity, ugr] = set.judged()[..] else { panic!("three requirements") };
+        assert_eq!(minimum.verdict, Verdict::Met);
+        assert!((minimum.found.value - 1.2).abs() < 0.1, "{minimum:?}");
+        assert_eq!(diversity.verdict, Verdict::Met);
+        assert_eq!(ugr.verdict, Verdict::Met);
+        assert_eq!((ugr.found.value, ugr.found.expanded), (17.0, 1.0), "the highest bound is 18");
+        for (worst, verdict) in [
+            (rating(21.0, 1.0), Verdict::NotMet),
+            (rating(19.5, 1.0), Verdict::NotDecided),
+            (Some(Estimated::UNKNOWN), Verdict::NotDecided),
+            (None, Verdict::Met),
+        ] {
+            set.ugr[0] = worst;
+            assert_eq!(set.judged()[2].verdict, verdict);
+        }
+        set.readings[0] = reading(0.9, 0.1);
+        assert_eq!(set.judged()[0].verdict, Verdict::NotMet);
     }
 
     #[test]

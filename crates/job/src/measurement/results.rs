@@ -111,6 +111,9 @@ pub struct SetReadings {
     pub is_daylight_factor: bool,
     /// What is required of them.
     pub requirement: Requirement,
+    /// Unified glare rating of an eye at each meter, which looks along its normal, if it is
+    /// required; `None` for eyes with no luminaire in view.
+    pub ugr: Vec<Option<Estimated>>,
     /// Readings of all meters, row by row.
     pub readings: Vec<Reading>,
     /// Number of meters whose intervals are open above.
@@ -136,6 +139,7 @@ impl SetReadings {
             places,
             is_daylight_factor,
             requirement,
+            ugr: Vec::new(),
             readings,
             open,
             mean,
@@ -219,6 +223,7 @@ pub(super) fn empty_readings(set: &MeterSet, scene: &Scene) -> SetReadings {
         places: places.collect(),
         is_daylight_factor: false,
         requirement: set.requirement,
+        ugr: Vec::new(),
         readings: Vec::new(),
         open: 0,
         mean: Reading::default(),

@@ -29,8 +29,11 @@ use std::ops::ControlFlow;
 /// Independent sets of rays, whose spread is the uncertainty of the sum.
 const SETS: u64 = 8;
 
-/// Rays of a set along each of both coordinates of the half space.
+/// Rays of a set along each of both coordinates of the half space, for a single eye.
 const SIDE: u32 = 512;
+
+/// The same for each eye of a grid.
+const GRID_SIDE: u32 = 256;
 
 /// Glare of the luminaires of a room for an eye.
 #[derive(Clone, Debug, Serialize)]
@@ -99,40 +102,62 @@ impl MeasureJob {
         let scene = std::sync::Arc::clone(&self.loaded.scene);
         let camera = &scene.camera;
         let accel = backend::build(self.backend, &scene)?;
-        let view = Eye {
-            position: camera.position(),
-            axes: DMat3::from_cols(
-                camera.direction().as_dvec3().cross(camera.up().as_dvec3()),
-                camera.up().as_dvec3(),
-                camera.direction().as_dvec3(),
-            ),
-        };
+        let eye = Meter::irradiance(camera.position(), camera.direction())?;
+        let view = Eye::new(&eye, camera.up(), SIDE);
         let integrate = || view.integrate(&scene, &*accel);
         let sets = match &self.threads {
             Some(threads) => threads.install(integrate),
             None => integrate(),
         };
-        let meter = Meter::irradiance(camera.position(), camera.direction())?;
-        let eye = MeterSet::single("eye", MeterKind::Irradiance, meter);
+        let eye = MeterSet::single("eye", MeterKind::Irradiance, eye);
         let measured = self.meters(vec![eye]).run(|_| ControlFlow::Continue(()))?;
         rating(&scene, &sets, &measured)
     }
+}
+
+/// Unified glare ratings of eyes at the meters of a set, which look along their normals with their
+/// readings as vertical illuminance; `None` for eyes with no luminaire in view. Up is that of the
+/// camera.
+pub(super) fn ratings(
+    scene: &Scene,
+    accel: &dyn Intersect,
+    meters: &[Meter],
+    readings: &[Reading],
+) -> Vec<Option<Estimated>> {
+    let rate = |(meter, reading): (&Meter, &Reading)| {
+        let eye = Eye::new(meter, scene.camera.up(), GRID_SIDE);
+        let sum = glare_sum(&eye.integrate(scene, accel));
+        (sum.value > 0.0).then(|| unified(sum, background(reading)).unwrap_or(Estimated::UNKNOWN))
+    };
+    meters.iter().zip(readings).map(rate).collect()
 }
 
 /// An eye: its position, and unit vectors to the right, up and along its view direction.
 struct Eye {
     position: glam::Vec3,
     axes: DMat3,
+    /// Rays along each of both coordinates of the half space.
+    side: u32,
 }
 
 impl Eye {
+    /// An eye that looks along the normal of a meter. Where `up` is that direction as well, it is
+    /// turned anyhow.
+    fn new(meter: &Meter, up: glam::Vec3, side: u32) -> Self {
+        let along = meter.normal.as_dvec3();
+        let right = along.cross(up.as_dvec3());
+        let right = right.try_normalize().unwrap_or_else(|| along.any_orthonormal_vector());
+        let axes = DMat3::from_cols(right, right.cross(along), along);
+        Self { position: meter.position, axes, side }
+    }
+
     /// Integrals over each emissive material in view, by its index, in independent sets of rays.
     fn integrate(&self, scene: &Scene, accel: &dyn Intersect) -> Vec<BTreeMap<u32, Integrals>> {
         let set = |set: u64| {
             let key = StreamKey::new(1, Stream::Glare, set);
             let row = |row: u32| self.row(scene, accel, row, key.rng(row.into()));
             let mut all: BTreeMap<u32, Integrals> = BTreeMap::new();
-            let rows: Vec<_> = (0..SIDE).into_par_iter().map(row).collect();
+            let rows: Vec<_> = (0..self.side).into_par_iter().map(row).collect();
             for (material, own) in rows.iter().flatten() {
                 all.entry(*material).or_default().add(own, 1.0);
             }
@@ -149,9 +174,9 @@ impl Eye {
         row: u32,
         mut rng: Rng,
     ) -> BTreeMap<u32, Integrals> {
-        let side = f64::from(SIDE);
-        let mut locals = Vec::with_capacity(SIDE as usize);
-        for column in 0..SIDE {
+        let side = f64::from(self.side);
+        let mut locals = Vec::with_capacity(self.side as usize);
+        for column in 0..self.side {
             let [u, v] = [rng.next_f64(), rng.next_f64()];
             let cos = 1.0 - (f64::from(row) + u) / side;
             let (sin, (y, x)) =
@@ -202,11 +227,6 @@ fn rating(
     for (material, own) in sets.iter().flatten() {
         materials.entry(*material).or_default().add(own, 1.0 / count);
     }
-    let total = |set: &BTreeMap<u32, Integrals>| set.values().map(|own| own.glare).sum::<f64>();
-    let totals: Vec<f64> = sets.iter().map(total).collect();
-    let sum = totals.iter().sum::<f64>() / count;
-    let squares: f64 = totals.iter().map(|total| (total - sum).powi(2)).sum();
-    let sum_expanded = student_95(count - 1.0) * (squares / (count * (count - 1.0))).sqrt();
     let mut luminaires: Vec<(f64, LuminaireGlare)> = materials
         .iter()
         .map(|(material, own)| {
@@ -224,19 +244,39 @@ fn rating(
     luminaires.sort_by(|(a, _), (b, _)| b.total_cmp(a));
     let eye = measured.sets.first().and_then(|set| set.readings.first()).copied();
     let eye = eye.ok_or_else(|| Error::new("the eye has no reading", "report this as a bug"))?;
-    let background = Estimated { value: eye.indirect() / PI, expanded: eye.expanded / PI };
-    let is_rated = sum > 0.0 && background.value > 0.0;
-    let ugr = is_rated.then(|| Estimated {
-        value: 8.0 * (0.25 / background.value * sum).log10(),
-        expanded: 8.0 / LN_10 * (sum_expanded / sum).hypot(background.expanded / background.value),
-    });
+    let background = background(&eye);
     Ok(RoomGlare {
-        ugr,
+        ugr: unified(glare_sum(sets), background),
         background_luminance: background,
         vertical_illuminance: eye,
         luminaires: luminaires.into_iter().map(|(_, own)| own).collect(),
         points: scene.lights().emitters().iter().filter(|own| has_no_surface(own)).count(),
         notes: measured.warnings.clone(),
+    })
+}
+
+/// Sum of the squared luminance over the squared position index, by independent sets of rays.
+fn glare_sum(sets: &[BTreeMap<u32, Integrals>]) -> Estimated {
+    let count = sets.len() as f64;
+    let total = |set: &BTreeMap<u32, Integrals>| set.values().map(|own| own.glare).sum::<f64>();
+    let totals: Vec<f64> = sets.iter().map(total).collect();
+    let value = totals.iter().sum::<f64>() / count;
+    let squares: f64 = totals.iter().map(|total| (total - value).powi(2)).sum();
+    let expanded = student_95(count - 1.0) * (squares / (count * (count - 1.0))).sqrt();
+    Estimated { value, expanded }
+}
+
+/// Luminance of the background of an eye with this vertical illuminance, cd/m^2.
+fn background(eye: &Reading) -> Estimated {
+    Estimated { value: eye.indirect() / PI, expanded: eye.expanded / PI }
+}
+
+/// The unified glare rating; `None` without a luminaire in view or without a background.
+fn unified(sum: Estimated, background: Estimated) -> Option<Estimated> {
+    (sum.value > 0.0 && background.value > 0.0).then(|| Estimated {
+        value: 8.0 * (0.25 / background.value * sum.value).log10(),
+        expanded: 8.0 / LN_10
+            * (sum.expanded / sum.value).hypot(background.expanded / background.value),
     })
 }
 

@@ -17,6 +17,7 @@ pub mod fresnel;
 pub mod ggx;
 mod glossy;
 mod gtr1;
+mod klems;
 mod layers;
 mod plastic;
 mod principled;
@@ -29,6 +30,7 @@ pub use dielectric::{Dielectric, ThinDielectric};
 pub use diffuse_transmission::DiffuseTransmission;
 pub use facets::{FacetModel, Facets};
 pub use glossy::Glossy;
+pub use klems::{AngleBand, AngleBasis, Klems, KlemsMatrices, MAX_PATCHES, SideValues};
 pub use plastic::Plastic;
 pub use principled::{Principled, PrincipledParameters};
 pub use rough_dielectric::RoughDielectric;
@@ -136,6 +138,8 @@ pub enum Bsdf {
     Principled(Principled),
     /// A thin sheet that scatters diffusely to both sides.
     DiffuseTransmission(DiffuseTransmission),
+    /// A sheet that scatters by measured or simulated matrices.
+    Klems(Klems),
 }
 
 impl Bsdf {
@@ -151,9 +155,10 @@ impl Bsdf {
             Self::Glossy(_) | Self::Plastic(_) | Self::Principled(_) => {
                 [Lobe::Diffuse, Lobe::Rough].into_iter().find(|lobe| self.has_one_of(*lobe))
             }
-            Self::Lambertian { .. } | Self::Coated(_) | Self::DiffuseTransmission(_) => {
-                Some(Lobe::Diffuse)
-            }
+            Self::Lambertian { .. }
+            | Self::Coated(_)
+            | Self::DiffuseTransmission(_)
+            | Self::Klems(_) => Some(Lobe::Diffuse),
             Self::Conductor(conductor) => conductor.spread(),
             Self::RoughDielectric(_) => Some(Lobe::Rough),
             Self::Mirror { .. } | Self::Dielectric(_) | Self::ThinDielectric(_) => None,
@@ -220,7 +225,7 @@ impl Bsdf {
     /// Returns true if a lobe that merges transmits light: photons on both sides merge.
     #[inline]
     pub fn transmits_diffusely(&self) -> bool {
-        matches!(self, Self::DiffuseTransmission(_))
+        matches!(self, Self::DiffuseTransmission(_) | Self::Klems(_))
     }
 
     /// Returns true if the value depends only on the sides of both directions: Lambertian
@@ -261,6 +266,9 @@ impl Bsdf {
         }
         if let Self::DiffuseTransmission(sheet) = self {
             return sheet.eval(wi.dot(at.normal));
+        }
+        if let Self::Klems(sheet) = self {
+            return sheet.eval(at, wi);
         }
         self.eval_locally(at, wi, None)
     }
@@ -327,6 +335,9 @@ impl Bsdf {
         }
         if let Self::DiffuseTransmission(sheet) = self {
             return sheet.pdf_w(wi.dot(at.normal));
+        }
+        if let Self::Klems(sheet) = self {
+            return sheet.pdf_w(at, wi);
         }
         let frame = at.frame();
         let (wo, wi) = (frame.to_local(at.wo), frame.to_local(wi));
@@ -410,6 +421,9 @@ impl Bsdf {
         if let Self::DiffuseTransmission(sheet) = self {
             return if wanted == LobeSet::All { sheet.sample(at.normal, rng) } else { None };
         }
+        if let Self::Klems(sheet) = self {
+            return if wanted == LobeSet::All { sheet.sample(at, transport, rng) } else { None };
+        }
         self.sample_locally(at, transport, wanted, rng)
     }
 
@@ -430,7 +444,7 @@ impl Bsdf {
             return None;
         }
         let sample = match self {
-            Self::Lambertian { .. } | Self::DiffuseTransmission(_) => None,
+            Self::Lambertian { .. } | Self::DiffuseTransmission(_) | Self::Klems(_) => None,
             Self::Mirror { reflectance } => Some(mirrored(wo, *reflectance)),
             Self::Dielectric(interface) => Some(interface.sample(wo, at.front, transport, rng)),
             Self::ThinDielectric(sheet) => Some(sheet.sample(wo, rng)),
@@ -456,6 +470,7 @@ impl Bsdf {
             Self::Plastic(plastic) => plastic.albedo(),
             Self::Principled(principled) => principled.parameters().base_color,
             Self::DiffuseTransmission(sheet) => sheet.albedo(),
+            Self::Klems(sheet) => Rgb::splat(sheet.diffuse_shares(front).iter().sum()),
             Self::Conductor(conductor) => conductor.normal_reflectance(),
             Self::RoughDielectric(interface) => interface.transmittance(),
             Self::Mirror { .. } | Self::Dielectric(_) | Self::ThinDielectric(_) => Rgb::ONE,

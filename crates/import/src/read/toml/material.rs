@@ -1,5 +1,6 @@
 //! `[materials.NAME]` of a scene file.
 
+use super::keys::Point;
 use super::numbers::{
     Albedo, MetalIndex, Metallic, NonNegative, NormalScale, Opacity, Roughness, Share,
 };
@@ -7,16 +8,19 @@ use super::refractive_index::Ior;
 use super::texture::{FilterKind, TextureTable, TomlTextures, Wraps};
 use super::{Misplaced, medium};
 use crate::look::{DEFAULT_ALBEDO, DEFAULT_IOR, Look, in_vacuum};
-use crate::text::list;
+use crate::read::klems::{self, EvenShares};
+use crate::text::{RELATIVE_NAME, list};
 use bdpm_core::base::error::Error;
 use bdpm_core::base::math::Rgb;
 use bdpm_core::scene::bsdf::{
-    Bsdf, Coated, Conductor, DiffuseTransmission, FacetModel, Facets, Glossy, Plastic, Principled,
-    PrincipledParameters, Reflectance, ThinDielectric,
+    Bsdf, Coated, Conductor, DiffuseTransmission, FacetModel, Facets, Glossy, Klems, Plastic,
+    Principled, PrincipledParameters, Reflectance, ThinDielectric,
 };
 use bdpm_core::scene::{Material, Medium, NormalMap, RefractiveIndex, Sampling, Texture, Wrap};
+use glam::Vec3;
 use serde::Deserialize;
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 use toml::Spanned;
 
@@ -30,8 +34,8 @@ const ROUNDING: f32 = 1e-5;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialTable {
-    #[serde(default, rename = "type")]
-    kind: MaterialKind,
+    #[serde(rename = "type")]
+    kind: Option<Spanned<MaterialKind>>,
     albedo: Option<Spanned<Albedo>>,
     albedo_texture: Option<Spanned<TextureTable>>,
     metallic_roughness_texture: Option<Spanned<TextureTable>>,
@@ -70,6 +74,8 @@ pub struct MaterialTable {
     emission: Option<NonNegative>,
     #[serde(default)]
     two_sided_emission: bool,
+    file: Option<Spanned<String>>,
+    up: Option<Spanned<Point>>,
     interior: Option<Spanned<String>>,
     exterior: Option<Spanned<String>>,
     #[serde(default)]
@@ -99,6 +105,7 @@ enum MaterialKind {
     Plastic,
     Principled,
     DiffuseTransmission,
+    Klems,
     Boundary,
 }
 
@@ -136,6 +143,7 @@ impl MaterialKind {
                 "reflectance reflectance_texture transmittance transmittance_texture interior \
                  exterior",
             ),
+            Self::Klems => ("klems", "file up interior exterior"),
             Self::Boundary => ("boundary", "interior exterior"),
         }
     }
@@ -152,7 +160,7 @@ impl MaterialTable {
         media: &BTreeMap<String, Arc<Medium>>,
     ) -> Result<Look, Misplaced> {
         self.check_keys()?;
-        let mut look = self.surface()?;
+        let mut look = self.surface(textures.folder())?;
         let default = if self.emission_texture.is_some() { Rgb::ONE } else { Rgb::ZERO };
         let mut texture = |key, is_color| self.texture(key, textures, is_color);
         look.material = Material {
@@ -175,8 +183,12 @@ impl MaterialTable {
         Ok(look)
     }
 
-    /// A uniform surface that scatters as these keys say.
-    fn surface(&self) -> Result<Look, Misplaced> {
+    fn kind(&self) -> MaterialKind {
+        self.kind.as_ref().map_or_else(Default::default, |kind| *kind.get_ref())
+    }
+
+    /// A uniform surface that scatters as these keys say. Names of files are relative to `folder`.
+    fn surface(&self, folder: &Path) -> Result<Look, Misplaced> {
         let default = if self.albedo_texture.is_some() { 1.0 } else { DEFAULT_ALBEDO };
         let albedo = rgb(&self.albedo).unwrap_or(Rgb::splat(default));
         // Factors of the texture, if there is one.
@@ -187,7 +199,7 @@ impl MaterialTable {
         let [inside, outside] = indices.each_ref().map(|medium| medium.at_d() as f32);
         let eta = inside / outside;
         let transmittance = rgb(&self.transmittance).unwrap_or(Rgb::ONE);
-        Ok(Look::new(match self.kind {
+        Ok(Look::new(match self.kind() {
             MaterialKind::Lambertian => Bsdf::Lambertian { albedo, two_sided: self.is_two_sided() },
             MaterialKind::Mirror => {
                 Bsdf::Mirror { reflectance: rgb(&self.reflectance).unwrap_or(Rgb::ONE) }
@@ -204,6 +216,7 @@ impl MaterialTable {
                 Bsdf::Principled(Principled::new(self.principled(albedo, eta)))
             }
             MaterialKind::DiffuseTransmission => Bsdf::DiffuseTransmission(self.sheet()?),
+            MaterialKind::Klems => Bsdf::Klems(self.klems(folder)?),
             MaterialKind::Coated => Bsdf::Coated(Coated::new(albedo, eta)),
             MaterialKind::Glossy => Bsdf::Glossy(Glossy::new(albedo, metallic, eta, alpha)),
         }))
@@ -256,6 +269,27 @@ impl MaterialTable {
             }
             _ => Ok(DiffuseTransmission::new(reflectance, transmittance)),
         }
+    }
+
+    /// A sheet that scatters as the matrices of a BSDF file.
+    fn klems(&self, folder: &Path) -> Result<Klems, Misplaced> {
+        let Some(file) = &self.file else {
+            let problem = "a material of type `klems` has no `file`";
+            let start = self.kind.as_ref().map_or(0, |kind| kind.span().start);
+            return Err((Error::new(problem, "give the name of a BSDF file (XML)"), start));
+        };
+        let at = |error| (error, file.span().start);
+        let path = folder.join(file.get_ref());
+        if !path.is_file() {
+            let problem = format!("there is no file `{}`", file.get_ref());
+            return Err(at(Error::new(problem, RELATIVE_NAME)));
+        }
+        let matrices = klems::read(&path, EvenShares::default()).map_err(at)?;
+        let up = self.up.as_ref().map_or(Vec3::Y, |up| up.get_ref().0);
+        if up == Vec3::ZERO {
+            return Err(at(Error::new("`up` is 0", "give a direction along the sheet")));
+        }
+        Ok(Klems::new(matrices, up))
     }
 
     /// Whether the back scatters as the front does.
@@ -368,9 +402,9 @@ impl MaterialTable {
             albedo albedo_texture two_sided reflectance reflectance_texture
             transmittance_texture metal eta k ior outside_ior roughness alpha
             facets tint nonlinear transmittance visible_transmittance metallic anisotropic transmission specular_tint sheen
-            sheen_tint flatness clearcoat clearcoat_gloss metallic_roughness_texture interior
-            exterior);
-        let (kind, keys) = self.kind.keys();
+            sheen_tint flatness clearcoat clearcoat_gloss metallic_roughness_texture file up
+            interior exterior);
+        let (kind, keys) = self.kind().keys();
         for (key, start) in given {
             if let Some(start) = start
                 && keys.split(' ').all(|own| own != key)

@@ -30,8 +30,14 @@ pub struct MeterTable {
     rows: Option<u32>,
     /// Least mean after the maintenance factor, in the unit of the meter.
     required_mean: Option<f64>,
+    /// Least value of each meter after the maintenance factor.
+    required_minimum: Option<f64>,
     /// Least uniformity of a grid.
     required_uniformity: Option<f64>,
+    /// Least minimum over maximum of a grid.
+    required_diversity: Option<f64>,
+    /// Most that the unified glare rating of eyes at the meters may be.
+    required_ugr: Option<f64>,
     /// Target and minimum of the daylight factor, percent.
     required_daylight_factor: Option<FixedArray<f64, 2>>,
     maintenance_factor: Option<f64>,
@@ -56,13 +62,26 @@ impl MeterTable {
     }
 
     fn requirement(&self, set: &MeterSet) -> Result<Requirement> {
-        if self.required_uniformity.is_some() && !set.is_grid() {
-            let problem = "a single meter has no uniformity";
-            return Err(Error::new(problem, "remove `required_uniformity`, or measure a grid"));
+        let even = [
+            ("required_uniformity", self.required_uniformity),
+            ("required_diversity", self.required_diversity),
+        ];
+        let key = even.iter().find(|(_, value)| value.is_some()).filter(|_| !set.is_grid());
+        if let Some((key, _)) = key {
+            let advice = format!("remove `{key}`, or measure a grid");
+            return Err(Error::new("a single meter has no uniformity", advice));
+        }
+        if self.required_ugr.is_some() && set.kind == MeterKind::Radiance {
+            let problem = "a meter of luminance has no glare rating";
+            let advice = "give the direction in which an eye looks as `normal`";
+            return Err(Error::new(problem, advice));
         }
         Requirement {
             mean: self.required_mean,
+            minimum: self.required_minimum,
             uniformity: self.required_uniformity,
+            diversity: self.required_diversity,
+            ugr: self.required_ugr,
             daylight_factor: self.required_daylight_factor.as_ref().map(|own| own.0),
             maintenance: self.maintenance_factor.unwrap_or(1.0),
         }

@@ -92,6 +92,11 @@ impl<'a> TomlTextures<'a> {
         Self { folder, pictures: Pictures::default() }
     }
 
+    /// The folder that names of files are relative to.
+    pub fn folder(&self) -> &'a Path {
+        self.folder
+    }
+
     /// The texture in this file. Textures of one file share its texels.
     pub fn get(
         &mut self,
