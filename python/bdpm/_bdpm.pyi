@@ -513,6 +513,7 @@ def daylight(
     paths: int | None = None,
     turn: float = 0.0,
     ground: float = 0.2,
+    division: int = 2,
     autonomy: float = 300.0,
     occupied: tuple[float, float] = (8.0, 18.0),
     seed: int = 0,

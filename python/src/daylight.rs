@@ -175,13 +175,15 @@ impl Daylight {
 /// - `paths`: number of paths from each meter instead.
 /// - `turn`: angle of the sky about +y, counterclockwise from above, degrees; at 0 north is -z.
 /// - `ground`: reflectance of the ground below the horizon, where the scene has none.
+/// - `division`: divisions of the rows of sky patches: 1, 2, 3 or 4 for 145, 577, 1297 or 2305
+///   patches.
 /// - `autonomy`: illuminance of daylight autonomy, lx.
 /// - `occupied`: hours of the clock between which all days count.
 /// - `seed`, `threads`, `accel`: as for `bdpm.render`.
 #[pyfunction]
 #[pyo3(signature = (
-    scene, weather, *, meters=None, time=None, paths=None, turn=0.0, ground=0.2, autonomy=300.0,
-    occupied=(8.0, 18.0), seed=0, threads=None, accel=None
+    scene, weather, *, meters=None, time=None, paths=None, turn=0.0, ground=0.2, division=2,
+    autonomy=300.0, occupied=(8.0, 18.0), seed=0, threads=None, accel=None
 ))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments")]
 pub fn daylight(
@@ -193,6 +195,7 @@ pub fn daylight(
     paths: Option<u64>,
     turn: f64,
     ground: f64,
+    division: usize,
     autonomy: f64,
     occupied: (f64, f64),
     seed: u64,
@@ -206,6 +209,7 @@ pub fn daylight(
         .thresholds(Thresholds { autonomy, occupied: occupied.into() })
         .turned(turn)
         .ground(ground)
+        .division(division)
         .paths(paths)
         .seed(seed)
         .backend(settings::backend(accel)?.unwrap_or_default())

@@ -46,6 +46,9 @@ pub struct Args {
     /// Reflect this share of daylight from the ground below the horizon, where the scene has none
     #[arg(long, value_name = "SHARE", default_value_t = 0.2, allow_negative_numbers = true)]
     ground: f64,
+    /// Divide the sky into this number of patches, in which its light is even
+    #[arg(long, value_name = "N", default_value = "577", value_parser = ["145", "577", "1297", "2305"])]
+    sky_patches: String,
     /// Ask for this illuminance in daylight autonomy, lx
     #[arg(long, value_name = "LUX", default_value_t = 300.0, allow_negative_numbers = true)]
     autonomy: f64,
@@ -76,6 +79,16 @@ pub struct Args {
     /// Show only errors
     #[arg(long, short)]
     quiet: bool,
+}
+
+/// Divisions of the rows of sky patches with this number of patches in all.
+fn division(patches: &str) -> usize {
+    match patches {
+        "145" => 1,
+        "1297" => 3,
+        "2305" => 4,
+        _ => 2,
+    }
 }
 
 /// Two hours of the clock, such as `8-18`.
@@ -127,6 +140,7 @@ pub fn run(args: &Args) -> Result<String> {
         .thresholds(Thresholds { autonomy: args.autonomy, occupied: args.occupied })
         .turned(args.turn)
         .ground(args.ground)
+        .division(division(&args.sky_patches))
         .time(args.time.unwrap_or(Duration::from_secs(30)))
         .paths(args.paths)
         .seed(args.seed)

@@ -4,12 +4,14 @@
 //! Camera paths start at a meter and choose directions by the BSDFs alone, since the sky is large.
 //! Where one leaves the scene, its weight belongs to that direction. At every surface with lobes of
 //! finite density it is connected with a random position of the sun, also through panes. Light of
-//! the sun that arrives straight at the meter is not part of it: [`straight_sun`].
+//! the sun that arrives straight at the meter is not part of it: [`straight_sun`]. Connections do
+//! not find the sun in mirrors and through curved glass. Paths that leave the scene from there are
+//! counted as if the light of the sun came evenly from its patch of the sky.
 
 use crate::accel::{Intersect, Ray};
 use crate::base::math::{Rgb, cosine_hemisphere, luminance};
 use crate::base::rng::Rng;
-use crate::scene::bsdf::{LobeSet, Transport};
+use crate::scene::bsdf::{Lobe, LobeSet, Transport};
 use crate::scene::{MediumState, Meter, Scene, Surface};
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -20,6 +22,10 @@ const MIN_SEGMENTS: u32 = 4;
 /// Maximum survival probability: paths end even between white walls.
 const MAX_SURVIVAL: f32 = 0.97;
 
+/// Cosine between two directions above which a ray was not turned: flat panes keep directions but
+/// for rounding.
+const STRAIGHT: f32 = 1.0 - 1e-5;
+
 /// Connections with the sun at each surface.
 const SUNS_PER_VERTEX: usize = 2;
 
@@ -29,6 +35,8 @@ pub struct DaylightTargets<'a> {
     pub sky: &'a (dyn Fn(Vec3) -> Option<usize> + Sync),
     /// Groups of unit vectors toward the sun. None is empty.
     pub suns: &'a [Vec<Vec3>],
+    /// The group of the suns in a bin of the sky, and the solid angle of the bin, sr.
+    pub suns_of_bin: &'a (dyn Fn(usize) -> Option<(usize, f32)> + Sync),
 }
 
 /// Sums over paths from one meter. Divided by their number they are coefficients.
@@ -73,12 +81,12 @@ impl DaylightSums {
         rng: &mut Rng,
     ) {
         let mut throughput = Rgb::splat(PI);
+        // The direction that connections with the sun take from the last surface, or from the meter.
+        let mut connected = ray.direction;
         for segment in 0u32.. {
             let hit = accel.closest_hit(&ray);
             if hit.is_miss() {
-                if let Some(bin) = (targets.sky)(ray.direction) {
-                    self.sky[bin] += luminance(throughput);
-                }
+                self.leave(ray.direction, connected, luminance(throughput), targets);
                 return;
             }
             let surface = scene.surface(&ray, &hit);
@@ -100,7 +108,22 @@ impl DaylightSums {
                 }
                 throughput /= survival;
             }
+            if sample.lobe != Lobe::Delta {
+                connected = sample.wi;
+            }
             ray = Ray::new(surface.start(sample.wi), sample.wi);
+        }
+    }
+
+    /// Adds a path that leaves the scene in a direction: to the sky there, and to the sun if a
+    /// mirror or a lens turned the ray since it was `connected` last.
+    fn leave(&mut self, direction: Vec3, connected: Vec3, weight: f32, targets: &DaylightTargets) {
+        let Some(bin) = (targets.sky)(direction) else { return };
+        self.sky[bin] += weight;
+        if direction.dot(connected) < STRAIGHT
+            && let Some((group, solid_angle)) = (targets.suns_of_bin)(bin)
+        {
+            self.suns[group] += weight / solid_angle;
         }
     }
 

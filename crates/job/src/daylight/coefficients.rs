@@ -64,7 +64,8 @@ impl Coefficients {
             Error::new(problem, "give fewer meters")
         })?;
         let sky = |direction| Some(year.bin(direction));
-        let targets = DaylightTargets { sky: &sky, suns: &year.suns };
+        let suns_of_bin = |bin| year.suns_of_bin(bin);
+        let targets = DaylightTargets { sky: &sky, suns: &year.suns, suns_of_bin: &suns_of_bin };
         let sums = || DaylightSums::new(year.bins(), year.suns.len());
         let mut of_meters: Vec<Vec<DaylightSums>> =
             meters.iter().map(|_| (0..BATCHES).map(|_| sums()).collect()).collect();

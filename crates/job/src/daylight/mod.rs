@@ -29,8 +29,11 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 use year::Year;
 
-/// Divisions of the rows of sky patches: 577 patches.
+/// Divisions of the rows of sky patches, unless one is given: 577 patches.
 const DIVISION: usize = 2;
+
+/// Most divisions: 2305 patches.
+const MOST_DIVISION: usize = 4;
 
 /// Measures the daylight of a year at meters of illuminance.
 #[derive(Clone)]
@@ -41,6 +44,7 @@ pub struct DaylightJob {
     thresholds: Thresholds,
     turn_deg: f64,
     ground: f64,
+    division: usize,
     time: Duration,
     paths: Option<u64>,
     seed: u64,
@@ -83,6 +87,7 @@ impl DaylightJob {
             thresholds: Thresholds::default(),
             turn_deg: 0.0,
             ground: 0.2,
+            division: DIVISION,
             time: Duration::from_secs(30),
             paths: None,
             seed: 0,
@@ -114,6 +119,13 @@ impl DaylightJob {
     #[must_use]
     pub fn ground(self, reflectance: f64) -> Self {
         Self { ground: reflectance, ..self }
+    }
+
+    /// Divides each row of sky patches by 1, 2, 3 or 4: 145, 577, 1297 or 2305 patches [default: 2].
+    /// Light of the sky and reflected light of the sun are even within a patch.
+    #[must_use]
+    pub fn division(self, division: usize) -> Self {
+        Self { division, ..self }
     }
 
     /// Takes about this time [default: 30 seconds].
@@ -177,6 +189,10 @@ impl DaylightJob {
             let problem = format!("the ground reflects {}", self.ground);
             return Err(Error::new(problem, "give a reflectance from 0 to 1"));
         }
+        if !(1..=MOST_DIVISION).contains(&self.division) {
+            let problem = format!("the rows of sky patches are divided by {}", self.division);
+            return Err(Error::new(problem, "give 1, 2, 3 or 4: 145, 577, 1297 or 2305 patches"));
+        }
         if !self.turn_deg.is_finite() {
             return Err(Error::new(
                 "the turn of the sky is not finite",
@@ -190,7 +206,7 @@ impl DaylightJob {
         let start = Instant::now();
         let scene = &self.loaded.scene;
         let accel = backend::build(self.backend, scene)?;
-        let patches = SkyPatches::new(DIVISION);
+        let patches = SkyPatches::new(self.division);
         let year = Year::new(&self.weather, &patches, self.turn_deg, self.ground)?;
         let all: Vec<Meter> = self.sets.iter().flat_map(|set| set.meters.clone()).collect();
         let moved = scene.with_meters(MeterKind::Irradiance, all);

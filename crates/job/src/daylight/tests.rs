@@ -3,6 +3,8 @@
 use super::*;
 use crate::MeasureJob;
 use crate::measurement::Estimated;
+use bdpm_core::base::math::uniform_sphere;
+use bdpm_core::base::rng::{Stream, StreamKey};
 use bdpm_light::weather::WeatherHour;
 use std::ops::ControlFlow;
 
@@ -112,6 +114,53 @@ fn an_hour_in_a_room_agrees_with_a_measurement_under_its_sky() {
     }
 }
 
+/// A meter faces a mirror of 90 % with its back to the sun: the sun shines on it by the mirror, as
+/// evenly from its patch of the sky. Behind a pane without a mirror it is not counted twice.
+#[test]
+fn mirrors_send_the_sun_to_meters() {
+    let scene = format!(
+        "{CAMERA}[environment]\nradiance = 1\n[[mesh]]\nfile = \"mirror.obj\"\nmaterial = \"it\"\n\
+         [materials.it]\ntype = \"mirror\"\nreflectance = 0.9\n\
+         [[meter]]\nposition = [0, 1, 0]\nnormal = [0, 0, -1]\n"
+    );
+    let mirror = "v -900 -900 -1\nv 900 -900 -1\nv 900 900 -1\nv -900 900 -1\nf 1 2 3 4\n";
+    let loaded = loaded(&[("scene.toml", &scene), ("mirror.obj", mirror)]);
+    for division in [1, 2] {
+        let patches = SkyPatches::new(division);
+        let of = |direct: f64| {
+            let job = DaylightJob::new(&loaded, weather(WeatherHour { direct, ..NOON }));
+            job.division(division).ground(0.0).paths(400_000).run(|_| ()).unwrap().sets[0].mean
+        };
+        let sun = weather(NOON).sun(&NOON);
+        let patch = patches.find(sun).unwrap();
+        // Mean cosine of the patch at the meter, by the mirror, where it stands to the south.
+        let mut rng = StreamKey::new(3, Stream::Test, 0).rng(0);
+        let (mut sum, mut count) = (0.0, 0.0);
+        for _ in 0..400_000 {
+            let direction = uniform_sphere(rng.next_2d()).as_dvec3();
+            if patches.find(direction) == Some(patch) {
+                (sum, count) = (sum + direction.z.max(0.0), count + 1.0);
+            }
+        }
+        let year = Year::new(&weather(NOON), &patches, 0.0, 0.0).unwrap();
+        let lux = f64::from(year.hours[0].sun.unwrap().lux);
+        let expected = 0.9 * lux * sum / count;
+        // The sky of an hour without sun differs, so it is taken from its luminances.
+        let sky = year.hours[0].sky[..patches.count()].iter().enumerate();
+        let sky: f64 = sky
+            .map(|(patch, own)| {
+                let toward = patches.middle(patch).z.max(0.0);
+                0.9 * f64::from(*own) * toward * patches.solid_angle(patch)
+            })
+            .sum();
+        let found = of(NOON.direct);
+        let off = found.value - sky - expected;
+        println!("{found:?} {sky} {expected}");
+        assert!(off.abs() < 2.0 * found.expanded + 0.01 * expected, "{off}");
+        assert!(found.expanded < 0.1 * expected, "{found:?}");
+    }
+}
+
 /// Glass that absorbs light would let all of it through.
 #[test]
 fn media_are_refused() {
@@ -144,6 +193,7 @@ fn meters_of_luminance_and_impossible_numbers_are_refused() {
     assert!(job.clone().run(|_| ()).is_ok());
     assert!(refused(job.clone().ground(1.5)).contains("ground"));
     assert!(refused(job.clone().turned(f64::NAN)).contains("turn"));
+    assert!(refused(job.clone().division(5)).contains("577"));
     let thresholds = Thresholds { autonomy: -1.0, ..Thresholds::default() };
     assert!(refused(job.thresholds(thresholds)).contains("autonomy"));
 }

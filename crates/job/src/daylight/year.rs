@@ -24,6 +24,8 @@ pub struct Year<'a> {
     /// Groups of unit vectors toward the sun, in the coordinates of the scene. Those of one patch
     /// of the sky are a group.
     pub suns: Vec<Vec<Vec3>>,
+    /// For each patch its group of suns and its solid angle, sr, if it has any.
+    suns_of_patch: Vec<Option<(usize, f32)>>,
     patches: &'a SkyPatches,
     to_sky: DMat3,
 }
@@ -96,7 +98,16 @@ impl<'a> Year<'a> {
             }
             hours.push(own);
         }
-        Ok(Self { hours, suns, patches, to_sky: to_scene.transpose() })
+        let mut suns_of_patch = vec![None; patches.count()];
+        for (patch, group) in groups {
+            suns_of_patch[patch] = Some((group, patches.solid_angle(patch) as f32));
+        }
+        Ok(Self { hours, suns, suns_of_patch, patches, to_sky: to_scene.transpose() })
+    }
+
+    /// The group of the suns in a bin, and its solid angle, sr.
+    pub fn suns_of_bin(&self, bin: usize) -> Option<(usize, f32)> {
+        *self.suns_of_patch.get(bin)?
     }
 
     /// Number of bins of directions: the patches and the ground.

@@ -79,15 +79,30 @@ impl SkyPatches {
     /// # Panics
     /// If there is no such patch.
     pub fn projected(&self, patch: usize) -> f64 {
+        let ([low, high], count) = self.row(patch);
+        0.5 * TAU * (high * high - low * low) / count
+    }
+
+    /// Solid angle of a patch, sr.
+    ///
+    /// # Panics
+    /// If there is no such patch.
+    pub fn solid_angle(&self, patch: usize) -> f64 {
+        let ([low, high], count) = self.row(patch);
+        TAU * (high - low) / count
+    }
+
+    /// Heights of a unit vector toward the lower and the upper edge of a patch, and the number of
+    /// patches in its row.
+    fn row(&self, patch: usize) -> ([f64; 2], f64) {
         assert!(patch < self.count());
         let row = self.first.partition_point(|&first| first <= patch) - 1;
         let low = (row as f64 * self.step()).sin();
         if patch == self.count() - 1 {
-            return 0.5 * TAU * (1.0 - low * low);
+            return ([low, 1.0], 1.0);
         }
         let high = ((row + 1) as f64 * self.step()).sin();
-        let count = (self.first[row + 1] - self.first[row]) as f64;
-        0.5 * TAU * (high * high - low * low) / count
+        ([low, high], (self.first[row + 1] - self.first[row]) as f64)
     }
 }
 
@@ -103,6 +118,8 @@ mod tests {
             assert_eq!(patches.count(), count);
             let all: f64 = (0..count).map(|patch| patches.projected(patch)).sum();
             assert!((all / PI - 1.0).abs() < 1e-12, "{all}");
+            let all: f64 = (0..count).map(|patch| patches.solid_angle(patch)).sum();
+            assert!((all / TAU - 1.0).abs() < 1e-12, "{all}");
             for patch in 0..count {
                 assert_eq!(patches.find(patches.middle(patch)), Some(patch));
             }
