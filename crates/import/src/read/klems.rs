@@ -63,7 +63,8 @@ pub fn read(path: &Path, more: EvenShares) -> Result<&'static KlemsMatrices> {
     let root = document.root_element();
     let layer = (root.descendants().find(|node| node.has_tag_name_of("Layer")))
         .ok_or_else(|| file.error(root, "it has no <Layer>"))?;
-    let (basis, mut values) = (file.basis(layer)?, file.values(layer)?);
+    let mut values = file.values(layer)?;
+    let basis = file.basis(layer)?;
     more.add_to(&mut values, basis.patches());
     let matrices = KlemsMatrices::new(basis, values);
     Ok(matrices.map_err(|problem| file.error(layer, &problem))?.shared())

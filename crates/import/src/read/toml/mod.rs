@@ -137,8 +137,11 @@ impl<'a> SceneReader<'a> {
         self.builder.finish(self.path, contents, options)
     }
 
-    /// The error at a byte offset in the file.
+    /// The error at a byte offset in the file, unless it is in another file.
     fn at(&self, error: Error, offset: usize) -> Error {
+        if error.has_location() {
+            return error;
+        }
         error.at(self.path).at_offset(self.text, offset)
     }
 
