@@ -38,6 +38,7 @@ mod pbrt_state;
 mod ply;
 mod polygons;
 mod radiance;
+mod radiance_compiled;
 mod shapes;
 mod spots;
 mod sky;

@@ -2,11 +2,12 @@
 //!
 //! `docs/reference/radiance.md` describes the conversion of each primitive and its differences from
 //! Radiance. Each approximation is a warning. Errors name file and line. No command of a file is
-//! run: `xform` and `genbox` are done here, and all others are refused.
+//! run: `xform`, `genbox` and `genprism` are done here, and all others are refused.
 
 mod binary;
 mod commands;
 mod data;
+mod generators;
 mod instances;
 mod lamps;
 mod materials;

@@ -1,0 +1,109 @@
+#!/usr/bin/env python3
+"""Direct illuminance of luminaires of ies2rad and of spotlights, by bdpm and by Radiance's `rtrace`.
+
+    python3 -m venv VENV && VENV/bin/pip install pyradiance==1.3.1 numpy
+    cargo build --release
+    VENV/bin/python scripts/radiance_lamps.py [--time 5] [FILE.ies ...]
+
+Without files: those of tests/data. ies2rad converts each file, and the lamp hangs 1.5 m above black ground, as it is
+and turned. `rtrace -I+ -ab 0` divides the lamp finely (-ds .02 -dj 0). For each lamp: the ratio of the illuminance at
+16 points, its largest departure from 1, and the largest half-width of the intervals of bdpm. The program is
+target/release/bdpm, or the one that the environment variable BDPM names.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy
+import pyradiance
+
+ROOT = Path(__file__).resolve().parent.parent
+BDPM = os.environ.get("BDPM", str(ROOT / "target/release/bdpm"))
+FOLDER = Path(pyradiance.__file__).parent
+LUMENS = 179 * numpy.array([0.265, 0.670, 0.065])
+
+GROUND = "void plastic ground 0 0 5 0 0 0 0 0\nground polygon g 0 0 12 -9 -9 0 9 -9 0 9 9 0 -9 9 0\n"
+SPOTS = {
+    "spotlight, disc along it": "7 500 500 500 60 0 0 -1|ring lamp 0 0 8 0 0 0 0 0 -1 0 .1",
+    "spotlight, disc aslant": "7 500 500 500 60 .3 0 -1|ring lamp 0 0 8 0 0 0 0 0 -1 0 .1",
+    "spotlight, square": "7 500 500 500 40 -.2 .2 -2|polygon lamp 0 0 12 -.1 -.1 0 -.1 .1 0 .1 .1 0 .1 -.1 0",
+    "spotlight, ball": "7 500 500 500 70 .2 0 -1|sphere lamp 0 0 4 0 0 0 .05",
+}
+POINTS = [(x, y, 0, 0, 0, 1) for x in (-1.1, -0.35, 0.4, 1.15) for y in (-0.9, -0.25, 0.3, 1.05)]
+
+
+def run(command, text=None, folder=None):
+    environment = dict(os.environ, RAYPATH=f".:{FOLDER / 'lib'}")
+    environment["PATH"] = f"{FOLDER / 'bin'}:{environment['PATH']}"
+    done = subprocess.run(command, input=text, capture_output=True, env=environment, cwd=folder)
+    if done.returncode != 0:
+        raise RuntimeError(f"{command[0]}: {done.stderr.decode(errors='replace').strip()}")
+    return done.stdout
+
+
+def by_radiance(scene):
+    """Direct illuminance at each point, lux."""
+    octree = scene.with_suffix(".oct")
+    octree.write_bytes(run(["oconv", scene.name], folder=scene.parent))
+    options = "-h -I+ -ab 0 -ds .02 -dj 0 -dt 0 -dc 1 -dr 0".split()
+    text = "".join(" ".join(map(str, point)) + "\n" for point in POINTS).encode()
+    out = run(["rtrace", *options, octree.name], text, scene.parent).decode().split()
+    return numpy.array(out, float).reshape(-1, 3) @ LUMENS
+
+
+def by_bdpm(scene, seconds):
+    """Illuminance at each point, lux, and the half-width of its interval."""
+    points = scene.with_suffix(".pts")
+    points.write_text("".join(" ".join(map(str, point)) + "\n" for point in POINTS))
+    command = [BDPM, "measure", str(scene), "--meters", str(points), "--time", f"{seconds:g}s", "--json", "--quiet"]
+    report = json.loads(run(command))
+    values = [own["readings"][0] for own in report["meters"]]
+    return numpy.array([own["value"] for own in values]), numpy.array([own["expanded"] for own in values])
+
+
+def scenes(folder, files):
+    """Names and texts of all lamps around the origin."""
+    for path in files:
+        try:
+            run(["ies2rad", "-dm", "-o", path.stem, str(path.resolve())], folder=folder)
+        except RuntimeError as error:
+            print(f"# {path.name}: {error}")
+            continue
+        yield path.stem, f"!xform -t 0 0 1.5 {path.stem}.rad\n"
+        yield f"{path.stem}, turned", f"!xform -rx 25 -rz 40 -t .1 .2 1.5 {path.stem}.rad\n"
+    for name, text in SPOTS.items():
+        numbers, surface = text.split("|")
+        (folder / "spot.rad").write_text(f"void spotlight spot 0 0 {numbers}\nspot {surface}\n")
+        yield name, "!xform -t 0 0 1.5 spot.rad\n"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("files", nargs="*", type=Path)
+    parser.add_argument("--time", type=float, default=5.0)
+    own = parser.parse_args()
+    files = own.files or sorted((ROOT / "tests/data").glob("**/*.ies"))
+    print("| lamp | lux by rtrace | mean of bdpm / rtrace | range | largest half-width |\n|---|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in scenes(Path(folder), files):
+            scene = Path(folder) / "scene.rad"
+            scene.write_text(GROUND + text)
+            theirs = by_radiance(scene)
+            ours, width = by_bdpm(scene, own.time)
+            lit = theirs > 1e-3 * theirs.max()
+            dark = ours[~lit].max(initial=0) / theirs.max()
+            ratio, width = ours[lit] / theirs[lit], width[lit] / ours[lit]
+            note = f", {(~lit).sum()} dark points below {dark:.1e} of the largest" if not lit.all() else ""
+            print(
+                f"| {name} | {theirs[lit].min():.4g} to {theirs.max():.4g} | {ratio.mean():.4f} "
+                f"| {ratio.min():.4f} to {ratio.max():.4f} | {100 * width.max():.2f} %{note} |",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
