@@ -115,7 +115,7 @@ fn spotlights_shine_within_their_cone_alone() {
     // A disc of an area that faces along the cone, and one that does not.
     for (normal, cosine) in [("0 0 -1", 1.0), (".6 0 -.8", 0.8)] {
         let loaded = read(&format!(
-            "{GROUND}void spotlight spot 0 0 7 100 100 100 40 0 0 -5\n\
+            "{GROUND}void spotlight spot 0 0 7 100 100 100 40 0 0 -5e-4\n\
              spot ring lamp 0 0 8 0 0 1 {normal} 0 .1\n"
         ));
         assert!(skipped(&loaded).is_empty());
@@ -136,6 +136,15 @@ fn spotlights_shine_within_their_cone_alone() {
         let own = luminance(scene.lights().power());
         assert!((own / power - 1.0).abs() < 1e-3, "{own} {power}");
     }
+}
+
+#[test]
+fn foci_of_spotlights_are_reported() {
+    let loaded = read(&format!(
+        "{GROUND}void spotlight spot 0 0 7 1 1 1 40 0 0 -5\nspot ring lamp 0 0 8 0 0 1 0 0 -1 0 .1\n"
+    ));
+    let notes = skipped(&loaded);
+    assert!(notes.len() == 1 && notes[0].contains("length of the direction"), "{notes:?}");
 }
 
 #[test]

@@ -6,8 +6,8 @@
 
 use super::data::DataFile;
 use super::materials::{Definition, emitted};
+use super::patterns::{Coordinate, Correction, Pattern, is_distribution};
 use super::tokens::Primitive;
-use super::transforms::Transforms;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::{Rgb, luminance};
 use bdpm_core::scene::{
@@ -24,6 +24,9 @@ const STEP: f64 = 1.5;
 
 /// Angles this close are one node, degrees.
 const SAME: f64 = 1e-6;
+
+/// Lengths of the direction of a spotlight up to this have no effect, scene units.
+const NO_FOCUS: f64 = 1e-3;
 
 /// Nodes of a distribution, at most.
 const MAX_NODES: usize = 1 << 22;
@@ -49,105 +52,8 @@ struct Cone {
     axis: DVec3,
     /// Half of the opening angle, degrees.
     half: f64,
-}
-
-/// A factor of the radiance.
-struct Pattern {
-    /// For each channel, or one for all.
-    data: Vec<Rc<DataFile>>,
-    coordinates: Vec<(Coordinate, f64)>,
-    correction: Correction,
-    multiplier: f64,
-    /// To the frame in which the angles are, and unit vectors of this frame.
-    to_frame: DMat3,
-    frame: DMat3,
-    /// What the distribution depends on, for the cache.
-    key: String,
-}
-
-/// A coordinate of `source.cal`, degrees.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Coordinate {
-    Theta,
-    /// Azimuth, folded at this angle.
-    Phi(f64),
-    /// Angles of type B, possibly without their sign.
-    Vertical(bool),
-    Horizontal(bool),
-}
-
-/// A function of `source.cal`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Correction {
-    /// The data are radiances.
-    None,
-    /// The data are intensities of a flat surface.
-    Flat,
-    /// The data are intensities of a box of this size.
-    Box([f64; 3]),
-    /// The data are intensities of an upright cylinder of this diameter and height.
-    Cylinder([f64; 2]),
-}
-
-impl Coordinate {
-    fn of(name: &str) -> Option<Self> {
-        Some(match name {
-            "src_theta" => Self::Theta,
-            "src_phi" => Self::Phi(360.0),
-            "src_phi2" => Self::Phi(180.0),
-            "src_phi4" => Self::Phi(90.0),
-            "srcB_vert" => Self::Vertical(true),
-            "srcB_vert2" => Self::Vertical(false),
-            "srcB_horiz" => Self::Horizontal(true),
-            "srcB_horiz2" => Self::Horizontal(false),
-            _ => return None,
-        })
-    }
-
-    /// The coordinate of a unit direction of emission.
-    fn at(self, to: DVec3) -> f64 {
-        let signed = |angle: f64, is_signed: bool| if is_signed { angle } else { angle.abs() };
-        match self {
-            Self::Theta => (-to.z).clamp(-1.0, 1.0).acos().to_degrees(),
-            Self::Phi(fold) => {
-                let phi = to.y.atan2(to.x).to_degrees().rem_euclid(360.0);
-                let waves = ((phi + fold) / (2.0 * fold)).floor();
-                if fold < 360.0 { (phi - 2.0 * fold * waves).abs() } else { phi }
-            }
-            Self::Vertical(is_signed) => signed(to.x.atan2(-to.z).to_degrees(), is_signed),
-            Self::Horizontal(is_signed) => signed((-to.y).atan2(-to.z).to_degrees(), is_signed),
-        }
-    }
-}
-
-/// A coordinate with a constant that is added: `src_phi2+90`.
-fn coordinate(word: &str) -> Option<(Coordinate, f64)> {
-    let split = word.find(['+', '-']).unwrap_or(word.len());
-    let offset = if split < word.len() { word[split..].parse().ok()? } else { 0.0 };
-    Some((Coordinate::of(&word[..split])?, offset))
-}
-
-/// Whether a pattern is a distribution that is read: `brightdata` or `colordata` with functions and
-/// coordinates of `source.cal`.
-pub fn is_distribution(own: &Primitive) -> bool {
-    let Some((functions, data)) = names_of(own) else { return false };
-    let functions_known = functions.iter().all(|name| *name == functions[0])
-        && matches!(&functions[0][..], "corr" | "flatcorr" | "boxcorr" | "lboxcorr" | "cylcorr");
-    let at = functions.len() + data.len();
-    functions_known
-        && own.words[at].ends_with("source.cal")
-        && own.words.get(at + 1).is_some_and(|word| coordinate(word).is_some())
-}
-
-/// Names of the functions and of the data files.
-fn names_of(own: &Primitive) -> Option<(&[String], &[String])> {
-    let channels = match &own.kind[..] {
-        "brightdata" => 1,
-        "colordata" => 3,
-        _ => return None,
-    };
-    let is_long_enough = own.words.len() > 2 * channels;
-    is_long_enough.then(|| (&own.words[..channels], &own.words[channels..2 * channels]))
+    /// Length of the direction, scene units.
+    focus: f64,
 }
 
 impl Lamps {
@@ -165,57 +71,22 @@ impl Lamps {
         let [r, g, b] = own.at_least()?;
         let cone = (own.kind == "spotlight").then(|| Cone::of(own, material.map)).transpose()?;
         let distributions = patterns.iter().filter(|own| is_distribution(&own.primitive));
-        let patterns: Vec<Pattern> =
-            distributions.map(|pattern| self.pattern(pattern, &find)).collect::<Result<_>>()?;
+        let patterns: Vec<Pattern> = distributions
+            .map(|pattern| Pattern::new(pattern, |name| self.data(find(&pattern.file, name)?)))
+            .collect::<Result<_>>()?;
         let color = emitted([r, g, b].map(|own| own.max(0.0)));
         let depends = cone.is_some() || !patterns.is_empty();
         Ok(depends.then_some(Emission { color, cone, patterns }))
     }
 
-    fn pattern(
-        &mut self,
-        definition: &Definition,
-        find: impl Fn(&Path, &str) -> Result<PathBuf>,
-    ) -> Result<Pattern> {
-        let own = &definition.primitive;
-        let malformed = |problem: &str| own.error(problem, "write it again with ies2rad");
-        let (functions, names) = names_of(own).ok_or_else(|| malformed("has too few words"))?;
-        let mut data = Vec::new();
-        for name in names {
-            let path = find(&definition.file, name)?;
-            if !self.files.contains_key(&path) {
-                self.files.insert(path.clone(), Rc::new(DataFile::read(&path)?));
-            }
-            data.push(Rc::clone(&self.files[&path]));
+    /// A data file, which is read once.
+    fn data(&mut self, path: PathBuf) -> Result<Rc<DataFile>> {
+        if let Some(own) = self.files.get(&path) {
+            return Ok(Rc::clone(own));
         }
-        let dimensions = data[0].axes.len();
-        if data.iter().any(|other| other.axes.len() != dimensions) {
-            return Err(malformed("has data of different dimensions"));
-        }
-        let rest = &own.words[2 * functions.len() + 1..];
-        let coordinates: Option<Vec<_>> =
-            rest.iter().take(dimensions).map(|word| coordinate(word)).collect();
-        let coordinates = coordinates.filter(|all| all.len() == dimensions);
-        let coordinates =
-            coordinates.ok_or_else(|| malformed("has other coordinates than its data"))?;
-        let map = definition.map * transform(own, &rest[dimensions..])?;
-        let number = |index: usize| own.numbers.get(index).copied().unwrap_or(0.0);
-        let correction = match &functions[0][..] {
-            "flatcorr" => Correction::Flat,
-            "boxcorr" | "lboxcorr" => Correction::Box([number(1), number(2), number(3)]),
-            "cylcorr" => Correction::Cylinder([number(1), number(2)]),
-            _ => Correction::None,
-        };
-        let to_frame = map.matrix3.inverse();
-        let [z, x] = [DVec3::Z, DVec3::X].map(|axis| (map.matrix3 * axis).normalize_or_zero());
-        if !to_frame.is_finite() || z == DVec3::ZERO || x == DVec3::ZERO {
-            return Err(malformed("has a transform without an inverse"));
-        }
-        let frame = DMat3::from_cols(x, z.cross(x), z);
-        let mirror = map.matrix3.determinant() < 0.0;
-        let key = format!("{:?} {:?} {:?} {mirror}", own.words, own.numbers, definition.file);
-        let multiplier = own.numbers.first().copied().unwrap_or(1.0);
-        Ok(Pattern { data, coordinates, correction, multiplier, to_frame, frame, key })
+        let own = Rc::new(DataFile::read(&path)?);
+        self.files.insert(path, Rc::clone(&own));
+        Ok(own)
     }
 
     /// The luminous opening of a surface in the scene.
@@ -251,25 +122,13 @@ impl Lamps {
     }
 }
 
-/// The transform at the end of the words of a pattern.
-fn transform(own: &Primitive, words: &[String]) -> Result<DAffine3> {
-    let (mut words, mut transforms) = (words.to_vec().into_iter(), Transforms::default());
-    while transforms.take(&mut words)? {}
-    match (words.next(), &transforms.placements()?[..]) {
-        (None, [map]) => Ok(*map),
-        (Some(word), _) => {
-            Err(own.error(&format!("has the word `{word}` in its transform"), "leave it out"))
-        }
-        _ => Err(own.error("has an array as its transform", "leave out `-a`")),
-    }
-}
-
 impl Cone {
     fn of(own: &Primitive, map: DAffine3) -> Result<Self> {
         let [_, _, _, degrees, x, y, z] = own.at_least()?;
-        let axis = map.transform_vector3(DVec3::new(x, y, z)).try_normalize();
-        let axis = axis.filter(|_| degrees > 0.0);
-        axis.map(|axis| Self { axis, half: 0.5 * degrees.min(360.0) }).ok_or_else(|| {
+        let direction = map.transform_vector3(DVec3::new(x, y, z));
+        let (half, focus) = (0.5 * degrees.min(360.0), direction.length());
+        let axis = direction.try_normalize().filter(|_| degrees > 0.0);
+        axis.map(|axis| Self { axis, half, focus }).ok_or_else(|| {
             own.error("has no angle or no direction", "give degrees above 0 and a vector")
         })
     }
@@ -301,31 +160,14 @@ impl Surface {
     }
 }
 
-impl Pattern {
-    /// The factor of a channel in a unit direction. That of a flat surface lacks the division by
-    /// the cosine.
-    fn factor(&self, to: DVec3, channel: usize) -> f64 {
-        let to = (self.to_frame * to).normalize_or_zero();
-        let mut at = [0.0; 2];
-        for (own, (coordinate, offset)) in at.iter_mut().zip(&self.coordinates) {
-            *own = coordinate.at(to) + offset;
-        }
-        let data = &self.data[channel.min(self.data.len() - 1)];
-        let value = self.multiplier * data.value(&at[..self.coordinates.len()]);
-        let [x, y, z] = to.abs().to_array();
-        value
-            / match self.correction {
-                Correction::None | Correction::Flat => 1.0,
-                Correction::Box([a, b, c]) => (x * b * c + y * a * c + z * a * b).max(1e-12),
-                Correction::Cylinder([width, height]) => {
-                    let round = 0.25 * std::f64::consts::PI * width * width;
-                    (width * height * (1.0 - z * z).max(0.0).sqrt() + round * z).max(1e-12)
-                }
-            }
-    }
-}
-
 impl Emission {
+    /// Whether Radiance lowers the light near the lamp: there it falls with the distance from a
+    /// focus that is behind the lamp by the length of the direction. No lamp of constant power does
+    /// that, as the focus is not where the cone begins.
+    pub fn has_focus(&self) -> bool {
+        self.cone.as_ref().is_some_and(|cone| cone.focus > NO_FOCUS)
+    }
+
     /// Axes of the frame of the distribution: that of the cone, or of the first pattern.
     fn axes(&self) -> DMat3 {
         match (&self.cone, self.patterns.first()) {

@@ -1,6 +1,6 @@
 //! Materials and what modifies them.
 
-use super::lamps;
+use super::patterns;
 use super::tokens::Primitive;
 use crate::builder::Builder;
 use crate::look::{Look, Paint};
@@ -171,7 +171,7 @@ impl Materials {
         let emits = matches!(&own.primitive.kind[..], "light" | "glow" | "illum" | "spotlight");
         for pattern in patterns {
             // Distributions of lamps belong to their surfaces.
-            if !(emits && lamps::is_distribution(&pattern.primitive)) {
+            if !(emits && patterns::is_distribution(&pattern.primitive)) {
                 warnings.skipped("ignored the patterns and textures", &pattern.primitive.name);
             }
         }

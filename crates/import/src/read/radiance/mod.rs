@@ -12,6 +12,7 @@ mod instances;
 mod lamps;
 mod materials;
 mod mesh;
+mod patterns;
 mod shapes;
 mod sky;
 mod tokens;
@@ -258,6 +259,11 @@ impl Reader {
         let emission = lamps.emission(&material, &patterns, |file, name| self.find(file, name));
         self.lamps = lamps;
         let Some(emission) = emission? else { return Ok(false) };
+        if emission.has_focus() {
+            let phrase = "the intensity of a point at all distances, which Radiance lowers near the \
+                          lamp by the length of the direction, of (a short direction has no effect)";
+            self.warnings.skipped(phrase, &material.primitive.name);
+        }
         let mut mesh = shapes::mesh(own, LAMP_STEPS, &mut self.cutter)?;
         let map = placing.map;
         mesh.positions
