@@ -101,9 +101,14 @@ impl Materials {
         let definition = match Kind::of(&own.kind) {
             Some(Kind::Alias) => self.named(&own.words[0], own)?,
             Some(Kind::Mixture) => {
-                warnings.skipped("used the foreground alone of the mixtures", &own.name);
-                match own.words.first().map(|name| &name[..]) {
-                    Some("void") | None => modifier.ok_or_else(|| undefined("void", own))?,
+                warnings.skipped(
+                    "used the foreground, or the background of a `void` one, of the mixtures",
+                    &own.name,
+                );
+                // The foreground is transparent if it is `void`.
+                let mut both = own.words.iter().take(2);
+                match both.find(|name| *name != "void") {
+                    None => modifier.ok_or_else(|| undefined("void", own))?,
                     Some(name) => self.named(name, own)?,
                 }
             }
