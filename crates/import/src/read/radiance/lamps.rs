@@ -89,12 +89,17 @@ impl Lamps {
         Ok(own)
     }
 
-    /// The luminous opening of a surface in the scene.
+    /// The luminous opening `mesh` of a surface in the scene, which is `exact` for its intensity.
     ///
     /// # Errors
     /// If the emission is too large for numbers.
-    pub fn opening(&mut self, emission: &Emission, mesh: &Mesh) -> Result<Option<LuminousOpening>> {
-        let surface = Surface::new(mesh);
+    pub fn opening(
+        &mut self,
+        emission: &Emission,
+        exact: &Mesh,
+        mesh: &Mesh,
+    ) -> Result<Option<LuminousOpening>> {
+        let surface = Surface::new(exact);
         let white = luminance(emission.color);
         if surface.area <= 0.0 || white <= 0.0 {
             return Ok(None);

@@ -53,6 +53,9 @@ const VIEW_DEGREES: f32 = 45.0;
 /// its sides.
 const LAMP_STEPS: u32 = 16;
 
+/// Steps around it for its intensity.
+const EXACT_STEPS: u32 = 64;
+
 /// Reads a scene after the materials in the file of the same name that ends in `.mat`, if there is
 /// one, with the view of that which ends in `.vf`.
 ///
@@ -264,16 +267,13 @@ impl Reader {
                           lamp by the length of the direction, of (a short direction has no effect)";
             self.warnings.skipped(phrase, &material.primitive.name);
         }
-        let mut mesh = shapes::mesh(own, LAMP_STEPS, &mut self.cutter)?;
-        let map = placing.map;
-        mesh.positions
-            .iter_mut()
-            .for_each(|own| *own = map.transform_point3(own.as_dvec3()).as_vec3());
-        mesh.normals.clear();
-        if map.matrix3.determinant() < 0.0 {
-            mesh.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
-        }
-        let Some(opening) = self.lamps.opening(&emission, &mesh)? else { return Ok(false) };
+        let [exact, mesh] = [EXACT_STEPS, LAMP_STEPS].map(|around| {
+            let mesh = shapes::mesh(own, around, &mut self.cutter)?;
+            Ok(placed(mesh, placing.map))
+        });
+        let (exact, mesh) = (exact?, mesh?);
+        let opening = self.lamps.opening(&emission, &exact, &mesh)?;
+        let Some(opening) = opening else { return Ok(false) };
         let black = Material::new(&material.primitive.name, Bsdf::diffuse(Vec3::ZERO));
         let luminous_opening = Some(Arc::new(opening));
         let index = self.builder.add_material(Material { luminous_opening, ..black });
@@ -282,6 +282,17 @@ impl Reader {
         self.builder.place_by(&own.name, &parts, DAffine3::IDENTITY, false)?;
         Ok(true)
     }
+}
+
+/// A mesh in the scene, with the same front.
+fn placed(mut mesh: Mesh, map: DAffine3) -> Mesh {
+    let at = |own: Vec3| map.transform_point3(own.as_dvec3()).as_vec3();
+    mesh.positions.iter_mut().for_each(|own| *own = at(*own));
+    mesh.normals.clear();
+    if map.matrix3.determinant() < 0.0 {
+        mesh.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+    }
+    mesh
 }
 
 /// A mesh of positions and triangles.
