@@ -124,6 +124,45 @@ fn all_symmetries_of_eulumdat_are_completed() {
     }
 }
 
+/// A file with these further sets of lamps after its own of 3300 lm and 62 W.
+fn with_lamp_sets(others: &[&str]) -> tempfile::TempDir {
+    let text = std::fs::read_to_string(data("photometry/round.ldt")).unwrap();
+    let mut lines: Vec<&str> = text.lines().collect();
+    let count = (1 + others.len()).to_string();
+    lines[25] = &count;
+    let further: Vec<&str> = others.iter().flat_map(|set| set.split(';')).collect();
+    lines.splice(32..32, further);
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sets.ldt"), lines.join("\r\n")).unwrap();
+    folder
+}
+
+#[test]
+fn sets_of_lamps_are_chosen_by_their_number() {
+    let folder = with_lamp_sets(&["1;LED 830;6600;830;1A;40", "-1;LED 840;3960;840;1A;31,5"]);
+    let path = folder.path().join("sets.ldt");
+    let own = read("round.ldt");
+    for (set, factor, lumens, watts) in [
+        (None, 1.0, Some(3300.0), 62.0),
+        (Some(2), 2.0, Some(6600.0), 40.0),
+        (Some(3), 1.2, None, 31.5),
+    ] {
+        let file = LuminaireFile::read_with(&path, set).unwrap();
+        assert_near(file.distribution.peak(), factor * own.distribution.peak());
+        assert_eq!((file.lamp_lumens, file.watts), (lumens, watts));
+        let note = file.notes.first().map_or("", |note| &note[..]);
+        assert_eq!(set.is_none(), note.contains("2 (1 x LED 830, 6600 lm, 40 W)"), "{note}");
+        assert_eq!(set.is_none(), note.contains("`lamp_set`"), "{note}");
+    }
+    let absent = LuminaireFile::read_with(&path, Some(4)).unwrap_err();
+    assert_eq!(absent.line_number(), Some(26), "{absent}");
+    assert!(absent.to_string().contains("the file has 3"), "{absent}");
+    let single = LuminaireFile::read_with(&data("photometry/round.ldt"), Some(2)).unwrap_err();
+    assert!(single.to_string().contains("the file has one"), "{single}");
+    let ies = LuminaireFile::read_with(&data("photometry/quarter.ies"), Some(1)).unwrap_err();
+    assert!(ies.to_string().contains("one set"), "{ies}");
+}
+
 #[test]
 fn written_files_read_back_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
@@ -248,6 +287,8 @@ fn flux_of_luminaires_in_scenes_is_that_of_the_file_or_the_given_one() {
     near(power(&format!("{at}lumen = 683")), 1.0);
     let tilted = read("tilted.ies").distribution.flux() / 683.0;
     near(power("file = \"tilted.ies\"\nposition = [0, 1, 0]\ntilt_deg = 45"), 0.9 * tilted);
+    let round = read("round.ldt").distribution.flux() / 683.0;
+    near(power("file = \"round.ldt\"\nposition = [0, 1, 0]\nlamp_set = 1"), round);
 }
 
 #[test]
@@ -307,6 +348,10 @@ fn errors_about_luminaires_of_scenes_name_the_line() {
     assert!(dark.contains("the factor of the intensity is -1"), "{dark}");
     let black = shown("file = \"round.ldt\"\nposition = [0, 1, 0]\ncolor = 0");
     assert!(black.contains("color of the luminaire is black"), "{black}");
+    let set = shown("file = \"round.ldt\"\nposition = [0, 1, 0]\nlamp_set = 0");
+    assert!(set.contains("scene.toml:7") && set.contains("`lamp_set` is 0"), "{set}");
+    let set = shown("file = \"quarter.ies\"\nposition = [0, 1, 0]\nlamp_set = 1");
+    assert!(set.contains("an IES file describes one set"), "{set}");
     let unknown = shown("file = \"round.ldt\"\nposition = [0, 1, 0]\nopening = \"lens\"");
     assert!(unknown.contains("unknown"), "{unknown}");
 }

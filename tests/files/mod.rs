@@ -39,6 +39,7 @@ mod pbrt_state;
 mod ply;
 mod polygons;
 mod radiance;
+mod radiance_compiled;
 mod shapes;
 mod spots;
 mod sky;

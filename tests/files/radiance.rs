@@ -179,9 +179,4 @@ fn what_is_left_out_is_reported() {
     let loaded = with(&format!("{pattern}wood plastic it 0 0 5 .5 .5 .5 0 0"));
     let texts: Vec<_> = loaded.warnings.iter().map(|own| own.text.clone()).collect();
     assert!(texts.iter().any(|own| own.contains("patterns") && own.contains("wood")), "{texts:?}");
-    let loaded = with(
-        "void spotlight spot 0 0 7 1 1 1 30 0 0 1\nvoid plastic it 0 0 5 1 1 1 0 0\n\
-                       spot sphere s 0 0 4 5 5 5 1",
-    );
-    assert!(loaded.warnings.iter().any(|own| own.text.contains("cone")));
 }

@@ -1,8 +1,8 @@
 //! EULUMDAT (`.ldt`), the European format of photometric data (Stockmar 1990).
 //!
-//! Intensities are in cd per 1000 lm of the lamps. The lamps are those of the first set.
-//! Intensities are multiplied by the conversion factor of line 24. Headers, dimensions of the
-//! housing, ratios and utilization factors have no effect.
+//! Intensities are in cd per 1000 lm of the lamps. A file may list several sets of lamps, of which
+//! the caller chooses one. Intensities are multiplied by the conversion factor of line 24. Headers,
+//! dimensions of the housing, ratios and utilization factors have no effect.
 
 use super::opening::OpeningShape;
 use super::planes::Planes;
@@ -15,6 +15,19 @@ use std::path::Path;
 
 /// Largest accepted number of planes or angles.
 const MOST_ANGLES: f64 = 100_000.0;
+
+/// Sets of lamps that a note lists, at most.
+const MOST_LISTED: usize = 20;
+
+/// The set of lamps that is in the luminaire.
+struct Lamps {
+    /// Number of lamps; negative for absolute photometry, whose flux is that of the luminaire.
+    count: f64,
+    /// Luminous flux of all of them, lm.
+    lumens: f64,
+    /// Electric power of all of them, W.
+    watts: f64,
+}
 
 /// The lines of a file, one value each.
 struct Fields<'a> {
@@ -66,6 +79,57 @@ impl Fields<'_> {
         Err(self.error(problem, &format!("give a whole number from {least} to {MOST_ANGLES}")))
     }
 
+    /// The sets of lamps (lines 26 to 26f): the one with this number from 1, or the first with a
+    /// note that names all of them.
+    fn lamps(&mut self, chosen: Option<usize>, notes: &mut Vec<String>) -> Result<Lamps> {
+        let sets = self.count("the number of sets of lamps (line 26)", 1.0)?;
+        let number = chosen.unwrap_or(1);
+        if !(1..=sets).contains(&number) {
+            let (problem, advice) = (format!("there is no set of lamps {number}"), no_set(sets));
+            return Err(self.error(problem, &advice));
+        }
+        let (mut own, mut listed) = (None, Vec::new());
+        for set in 1..=sets {
+            let start = self.read;
+            if set == number {
+                own = Some(self.lamp_set()?);
+            } else {
+                self.skip(6)?;
+            }
+            if listed.len() < MOST_LISTED {
+                let text = |line: usize| -> String {
+                    self.lines[start + line].trim().chars().take(40).collect()
+                };
+                let [lamps, kind, lumens, watts] = [0, 1, 2, 5].map(text);
+                let lamps = lamps.trim_start_matches('-');
+                listed.push(format!("{set} ({lamps} x {kind}, {lumens} lm, {watts} W)"));
+            }
+        }
+        if chosen.is_none() && sets > 1 {
+            let rest = if sets > MOST_LISTED { ", and more" } else { "" };
+            notes.push(format!(
+                "used the first of {sets} sets of lamps, {}{rest}; `lamp_set` of [[light]] selects \
+                 another",
+                listed.join(", ")
+            ));
+        }
+        own.ok_or_else(|| self.error("there are no lamps", "give a set of lamps"))
+    }
+
+    /// The six lines of a set of lamps.
+    fn lamp_set(&mut self) -> Result<Lamps> {
+        let count = self.number("the number of lamps")?;
+        self.skip(1)?;
+        let lumens = self.number("the luminous flux of the lamps")?;
+        if lumens <= 0.0 {
+            let problem = format!("the luminous flux of the lamps is {lumens}");
+            return Err(self.error(problem, "give a flux above 0: intensities are per 1000 lm"));
+        }
+        self.skip(2)?;
+        let watts = self.number("the power of the lamps")?;
+        Ok(Lamps { count, lumens, watts })
+    }
+
     fn angles(&mut self, what: &str, count: usize, most: f64) -> Result<Vec<f64>> {
         let mut angles: Vec<f64> = Vec::new();
         for _ in 0..count {
@@ -84,8 +148,16 @@ impl Fields<'_> {
     }
 }
 
-/// Parses a file.
-pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<LuminaireFile> {
+/// Advice for a set of lamps that is not in the file.
+fn no_set(sets: usize) -> String {
+    match sets {
+        1 => "give 1 or leave out the set: the file has one".to_owned(),
+        _ => format!("give a set from 1 to {sets}: the file has {sets}"),
+    }
+}
+
+/// Parses a file, with the set of lamps of this number from 1; otherwise with the first set.
+pub(super) fn parse(path: &Path, bytes: &[u8], lamp_set: Option<usize>) -> Result<LuminaireFile> {
     if memchr::memchr(0, bytes).is_some() {
         let problem = "there is a zero byte, so this is not a text file";
         return Err(Error::new(problem, "give a file in the format EULUMDAT").at(path));
@@ -129,23 +201,12 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<LuminaireFile> {
     fields.number("the light output ratio (line 23)")?;
     let conversion = fields.number("the conversion factor (line 24)")?;
     fields.number("the tilt of the measurement (line 25)")?;
-    let sets = fields.count("the number of sets of lamps (line 26)", 1.0)?;
     let mut notes = Vec::new();
-    let lamps = fields.number("the number of lamps")?;
-    fields.skip(1)?;
-    let lumens = fields.number("the luminous flux of the lamps")?;
-    fields.skip(2)?;
-    let watts = fields.number("the power of the lamps")?;
-    if lumens <= 0.0 {
-        let problem = format!("the luminous flux of the lamps is {lumens}");
-        return Err(fields.error(problem, "give a flux above 0: intensities are per 1000 lm"));
-    }
-    if sets > 1 {
-        notes.push(format!("used the first of {sets} sets of lamps"));
-    }
+    let Lamps { count: lamps, lumens, watts } = fields.lamps(lamp_set, &mut notes)?;
     // A negative number of lamps marks absolute photometry, whose flux is that of the luminaire.
     let lamp_lumens = (lamps > 0.0).then_some(lumens);
-    fields.skip(6 * (sets - 1) + 10)?;
+    // Direct ratios.
+    fields.skip(10)?;
 
     let plane_angles = fields.angles("the angle of a plane", planes, 360.0)?;
     let within = fields.angles("an angle in a plane", angles, 180.0)?;

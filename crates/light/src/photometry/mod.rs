@@ -51,11 +51,20 @@ pub struct LuminaireFile {
 }
 
 impl LuminaireFile {
-    /// Reads a `.ies` or `.ldt` file.
+    /// Reads a `.ies` or `.ldt` file. Of several sets of lamps it takes the first, with a note.
     ///
     /// # Errors
     /// Names the line that is not valid.
     pub fn read(path: &Path) -> Result<Self> {
+        Self::read_with(path, None)
+    }
+
+    /// Reads a `.ies` or `.ldt` file with the set of lamps of this number from 1, which only an
+    /// EULUMDAT file has.
+    ///
+    /// # Errors
+    /// Names the line that is not valid, or how many sets of lamps there are.
+    pub fn read_with(path: &Path, lamp_set: Option<usize>) -> Result<Self> {
         let is_eulumdat = match &extension(path)[..] {
             "ldt" => true,
             "ies" => false,
@@ -69,7 +78,15 @@ impl LuminaireFile {
             let problem = format!("the file is larger than {} MiB", MAX_FILE >> 20);
             return Err(Error::new(problem, "give a photometric file").at(path));
         }
-        if is_eulumdat { eulumdat::parse(path, &bytes) } else { lm63::parse(path, &bytes) }
+        if is_eulumdat {
+            return eulumdat::parse(path, &bytes, lamp_set);
+        }
+        if lamp_set.is_some() {
+            let problem = "the file has no sets of lamps: an IES file describes one set";
+            let advice = "leave out `lamp_set`, or give an EULUMDAT file";
+            return Err(Error::new(problem, advice).at(path));
+        }
+        lm63::parse(path, &bytes)
     }
 
     /// Reads the text of an IES file that is inside another file. A file of tilt factors is looked

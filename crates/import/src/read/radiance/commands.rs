@@ -1,5 +1,7 @@
-//! Commands of files: `xform` and `genbox`, which are done here, one after another or in a pipe.
+//! Commands of files: `xform`, `genbox` and `genprism`, which are done here, one after another or in
+//! a pipe.
 
+use super::generators::{Generated, genbox, genprism};
 use super::tokens::Primitive;
 use super::transforms::Transforms;
 use bdpm_core::base::error::{Error, Result};
@@ -36,11 +38,18 @@ impl Command {
             own = Some(match (&name[..], own) {
                 ("xform", None) => xform(words, None)?,
                 ("xform", Some(before)) => xform(words, Some(before))?,
-                ("genbox", None) => genbox(words)?,
+                ("genbox", None) => Self::of(genbox(words)?),
+                ("genprism", None) => Self::of(genprism(words)?),
                 _ => return Err(unknown(&name)),
             });
         }
         own.ok_or_else(|| unknown(""))
+    }
+
+    /// The command that makes these primitives.
+    fn of((primitives, notes): Generated) -> Self {
+        let source = Source::Primitives(primitives);
+        Self { source, modifier: None, notes, transforms: Vec::new() }
     }
 
     /// The map of each copy.
@@ -67,8 +76,8 @@ fn unquoted(word: &str) -> String {
 
 fn unknown(name: &str) -> Error {
     let advice = format!(
-        "run it, `{name} ... > part.rad`, and put `!xform part.rad` in its place; only xform and \
-         genbox are done without running commands"
+        "run it, `{name} ... > part.rad`, and put `!xform part.rad` in its place; only xform, \
+         genbox and genprism are done without running commands"
     );
     Error::new(format!("the command `{name}` is not run"), advice)
 }
@@ -112,50 +121,4 @@ fn xform(mut words: std::vec::IntoIter<String>, before: Option<Command>) -> Resu
             Ok(before)
         }
     }
-}
-
-/// `genbox modifier name x y z [-i] [-r radius] [-b bevel]`.
-fn genbox(words: std::vec::IntoIter<String>) -> Result<Command> {
-    let words: Vec<String> = words.collect();
-    let usage = || {
-        let advice = "give genbox MODIFIER NAME XSIZE YSIZE ZSIZE";
-        Error::new("`genbox` is incomplete", advice)
-    };
-    let [modifier, name] = [words.first(), words.get(1)].map(|own| own.cloned());
-    let (Some(modifier), Some(name)) = (modifier, name) else { return Err(usage()) };
-    let mut size = [0.0; 3];
-    for (axis, size) in size.iter_mut().enumerate() {
-        let given = words.get(axis + 2).and_then(|word| word.parse().ok());
-        *size = given.filter(|size: &f64| size.is_finite() && *size > 0.0).ok_or_else(usage)?;
-    }
-    let options = &words[5..];
-    let is_inside = options.iter().any(|word| word == "-i");
-    let is_round = options.iter().any(|word| word == "-r" || word == "-b");
-    let notes = is_round.then(|| ("sharp edges instead of round ones or bevels of", name.clone()));
-    let [x, y, z] = size;
-    let corner = |index: usize| {
-        let bit = |axis: usize, size: f64| if index >> axis & 1 == 1 { size } else { 0.0 };
-        [bit(0, x), bit(1, y), bit(2, z)]
-    };
-    // Counterclockwise as seen from outside.
-    let sides =
-        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    let side = |mut corners: [usize; 4]| {
-        if is_inside {
-            corners.reverse();
-        }
-        Primitive {
-            modifier: modifier.clone(),
-            kind: "polygon".into(),
-            name: name.clone(),
-            numbers: corners.into_iter().flat_map(corner).collect(),
-            ..Primitive::default()
-        }
-    };
-    Ok(Command {
-        source: Source::Primitives(sides.map(side).into()),
-        modifier: None,
-        notes: notes.into_iter().collect(),
-        transforms: Vec::new(),
-    })
 }

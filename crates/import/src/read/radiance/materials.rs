@@ -1,5 +1,6 @@
 //! Materials and what modifies them.
 
+use super::patterns;
 use super::tokens::Primitive;
 use crate::builder::Builder;
 use crate::look::{Look, Paint};
@@ -10,7 +11,9 @@ use bdpm_core::base::math::Rgb;
 use bdpm_core::base::photometry::LUMENS_PER_WATT;
 use bdpm_core::scene::bsdf::{Bsdf, DiffuseTransmission, Facets, Glossy};
 use bdpm_core::scene::{Medium, MediumBoundary};
+use glam::DAffine3;
 use std::collections::HashMap;
+use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -64,22 +67,33 @@ impl Kind {
 pub struct Definition {
     pub primitive: Primitive,
     pub modifier: Option<Rc<Definition>>,
+    /// From the coordinates of its file to those of the scene.
+    pub map: DAffine3,
+    /// The file that it is in.
+    pub file: Rc<Path>,
 }
 
 /// All materials so far. A later one of the same name replaces an earlier one for what follows.
 #[derive(Default)]
 pub struct Materials {
     named: HashMap<String, Rc<Definition>>,
+    /// Names that each open scope has defined, with what they were before.
+    scopes: Vec<Vec<(String, Option<Rc<Definition>>)>>,
     /// Index in the scene by the address of a definition, which is kept alive.
     indices: HashMap<*const Definition, (u32, Rc<Definition>)>,
 }
 
 impl Materials {
-    /// Takes a material or pattern.
+    /// Takes a material or pattern of a file that is placed by a map.
     ///
     /// # Errors
     /// If it refers to what is not defined.
-    pub fn define(&mut self, own: &Primitive, warnings: &mut GroupedWarnings) -> Result<()> {
+    pub fn define(
+        &mut self,
+        own: &Primitive,
+        (file, map): (&Rc<Path>, DAffine3),
+        warnings: &mut GroupedWarnings,
+    ) -> Result<()> {
         let modifier = match &own.modifier[..] {
             "void" => None,
             name => Some(self.named(name, own)?),
@@ -87,16 +101,42 @@ impl Materials {
         let definition = match Kind::of(&own.kind) {
             Some(Kind::Alias) => self.named(&own.words[0], own)?,
             Some(Kind::Mixture) => {
-                warnings.skipped("used the foreground alone of the mixtures", &own.name);
-                match own.words.first().map(|name| &name[..]) {
-                    Some("void") | None => modifier.ok_or_else(|| undefined("void", own))?,
+                warnings.skipped(
+                    "used the foreground, or the background of a `void` one, of the mixtures",
+                    &own.name,
+                );
+                // The foreground is transparent if it is `void`.
+                let mut both = own.words.iter().take(2);
+                match both.find(|name| *name != "void") {
+                    None => modifier.ok_or_else(|| undefined("void", own))?,
                     Some(name) => self.named(name, own)?,
                 }
             }
-            _ => Rc::new(Definition { primitive: own.clone(), modifier }),
+            _ => {
+                Rc::new(Definition { primitive: own.clone(), modifier, map, file: Rc::clone(file) })
+            }
         };
-        self.named.insert(own.name.clone(), definition);
+        let before = self.named.insert(own.name.clone(), definition);
+        if let Some(scope) = self.scopes.last_mut() {
+            scope.push((own.name.clone(), before));
+        }
         Ok(())
+    }
+
+    /// Opens a scope, whose definitions end with it.
+    pub fn enter(&mut self) {
+        self.scopes.push(Vec::new());
+    }
+
+    /// Closes the last scope.
+    pub fn leave(&mut self) {
+        // In reverse order, because a name may be defined twice.
+        for (name, before) in self.scopes.pop().into_iter().flatten().rev() {
+            match before {
+                Some(own) => self.named.insert(name, own),
+                None => self.named.remove(&name),
+            };
+        }
     }
 
     fn named(&self, name: &str, of: &Primitive) -> Result<Rc<Definition>> {
@@ -135,14 +175,10 @@ impl Materials {
         let (own, patterns) = self.resolve(modifier)?;
         let emits = matches!(&own.primitive.kind[..], "light" | "glow" | "illum" | "spotlight");
         for pattern in patterns {
-            let phrase = match (emits, &pattern.primitive.kind[..]) {
-                (true, "brightdata") => {
-                    "the same radiance in all directions, where Radiance reads the distribution of a \
-                     luminaire, of (give the IES file in [[luminaire]] of a TOML scene)"
-                }
-                _ => "ignored the patterns and textures",
-            };
-            warnings.skipped(phrase, &pattern.primitive.name);
+            // Distributions of lamps belong to their surfaces.
+            if !(emits && patterns::is_distribution(&pattern.primitive)) {
+                warnings.skipped("ignored the patterns and textures", &pattern.primitive.name);
+            }
         }
         self.look_of(&own.primitive, warnings)
     }
@@ -200,14 +236,17 @@ impl Materials {
                 warnings.chosen("light comes from what is behind the surfaces of", &own.name);
                 match &own.words[0][..] {
                     "void" => invisible(),
-                    name => self.look(name, warnings)?,
+                    name => {
+                        if self.resolve(name)?.0.primitive.kind == "spotlight" {
+                            let phrase = "light in all directions instead of the cone of";
+                            warnings.skipped(phrase, name);
+                        }
+                        self.look(name, warnings)?
+                    }
                 }
             }
             "light" | "glow" | "illum" | "spotlight" => {
                 let [r, g, b] = own.at_least()?;
-                if own.kind == "spotlight" {
-                    warnings.skipped("light in all directions instead of the cone of", &own.name);
-                }
                 let mut look = Look::new(Bsdf::diffuse(Rgb::ZERO));
                 let _ = look.emit(Paint::plain(emitted([r, g, b].map(|own| own.max(0.0)))));
                 look

@@ -2,10 +2,17 @@
 //!
 //! `docs/reference/radiance.md` describes the conversion of each primitive and its differences from
 //! Radiance. Each approximation is a warning. Errors name file and line. No command of a file is
-//! run: `xform` and `genbox` are done here, and all others are refused.
+//! run: `xform`, `genbox` and `genprism` are done here, and all others are refused.
 
+mod binary;
 mod commands;
+mod data;
+mod generators;
+mod instances;
+mod lamps;
 mod materials;
+mod mesh;
+mod patterns;
 mod shapes;
 mod sky;
 mod tokens;
@@ -15,16 +22,21 @@ use super::ImportOptions;
 use crate::builder::{Builder, Contents, EnvironmentReader, ReadScene};
 use crate::shape::instancing::MaterialMesh;
 use crate::shape::polygon::Cutter;
+use crate::shape::round::steps;
 use crate::text;
 use crate::warnings::GroupedWarnings;
 use bdpm_core::base::error::{Error, Result};
-use bdpm_core::scene::{Camera, FieldOfView, Mesh};
+use bdpm_core::scene::bsdf::Bsdf;
+use bdpm_core::scene::{Camera, FieldOfView, Material, Mesh};
 use commands::Command;
 use glam::{DAffine3, DVec3, Vec3};
+use instances::Instances;
+use lamps::Lamps;
 use materials::{Kind, Materials};
 use sky::Sky;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::Arc;
 use tokens::{Item, Primitive, Tokens};
 
@@ -37,6 +49,13 @@ const MAX_BYTES: usize = 256 << 20;
 /// Opening angle of a view that is not given, degrees, across the height: that of rpict.
 const VIEW_DEGREES: f32 = 45.0;
 
+/// Steps around a round lamp whose radiance depends on the direction: each look-up goes over all
+/// its sides.
+const LAMP_STEPS: u32 = 16;
+
+/// Steps around it for its intensity.
+const EXACT_STEPS: u32 = 64;
+
 /// Reads a scene after the materials in the file of the same name that ends in `.mat`, if there is
 /// one, with the view of that which ends in `.vf`.
 ///
@@ -46,6 +65,8 @@ pub(super) fn read(path: &Path, options: &ImportOptions) -> Result<ReadScene> {
     let mut reader = Reader {
         builder: Builder::default(),
         materials: Materials::default(),
+        lamps: Lamps::default(),
+        instances: Instances::default(),
         warnings: GroupedWarnings::default(),
         sky: Sky::default(),
         cutter: Cutter::default(),
@@ -99,6 +120,8 @@ impl Placing {
 struct Reader {
     builder: Builder,
     materials: Materials,
+    lamps: Lamps,
+    instances: Instances,
     warnings: GroupedWarnings,
     sky: Sky,
     cutter: Cutter,
@@ -117,11 +140,7 @@ struct Reader {
 impl Reader {
     /// Reads a file.
     fn file(&mut self, path: &Path, placing: &Placing) -> Result<()> {
-        self.depth += 1;
-        if self.depth > MAX_DEPTH {
-            let problem = format!("files include each other more than {MAX_DEPTH} deep");
-            return Err(Error::new(problem, "leave out the file that includes itself"));
-        }
+        self.descend()?;
         // Of any size, and names in any encoding.
         let text = String::from_utf8_lossy(&text::read_lines(path)?).into_owned();
         if !self.files.insert(path.to_owned()) {
@@ -132,14 +151,15 @@ impl Reader {
                 format!("files that are read again and again have {} MiB", MAX_BYTES >> 20);
             return Err(Error::new(problem, "reduce the copies of `xform`"));
         }
+        let file: Rc<Path> = Rc::from(path);
         let mut tokens = Tokens::new(path, &text);
         while let Some(item) = tokens.item()? {
             let (offset, done) = match item {
                 Item::Command(offset, line) => (
                     offset,
-                    Command::parse(&line).and_then(|own| self.command(path, &own, placing)),
+                    Command::parse(&line).and_then(|own| self.command(&file, &own, placing)),
                 ),
-                Item::Primitive(own) => (own.offset, self.primitive(&own, placing)),
+                Item::Primitive(own) => (own.offset, self.primitive(&own, &file, placing)),
             };
             done.map_err(|error| match error.has_location() {
                 true => error,
@@ -150,8 +170,18 @@ impl Reader {
         Ok(())
     }
 
+    /// Enters a file.
+    fn descend(&mut self) -> Result<()> {
+        self.depth += 1;
+        if self.depth > MAX_DEPTH {
+            let problem = format!("files include each other more than {MAX_DEPTH} deep");
+            return Err(Error::new(problem, "leave out the file that includes itself"));
+        }
+        Ok(())
+    }
+
     /// Places what a command stands for.
-    fn command(&mut self, path: &Path, command: &Command, placing: &Placing) -> Result<()> {
+    fn command(&mut self, path: &Rc<Path>, command: &Command, placing: &Placing) -> Result<()> {
         let modifier = command.modifier.as_ref().or(placing.modifier.as_ref()).cloned();
         for map in command.placements()? {
             let own = Placing { map: placing.map * map, modifier: modifier.clone() };
@@ -165,7 +195,7 @@ impl Reader {
                 }
                 commands::Source::Primitives(all) => {
                     for primitive in all {
-                        self.primitive(primitive, &own)?;
+                        self.primitive(primitive, path, &own)?;
                     }
                 }
             }
@@ -188,22 +218,28 @@ impl Reader {
         })
     }
 
-    fn primitive(&mut self, own: &Primitive, placing: &Placing) -> Result<()> {
+    fn primitive(&mut self, own: &Primitive, file: &Rc<Path>, placing: &Placing) -> Result<()> {
         if Kind::of(&own.kind).is_some() {
-            return self.materials.define(own, &mut self.warnings);
+            return self.materials.define(own, (file, placing.map), &mut self.warnings);
         }
         let modifier = placing.modifier.as_deref().unwrap_or(&own.modifier);
-        if own.kind == "source" {
-            self.has_light = true;
-            return self.sky.add(own, modifier, &self.materials, placing.map, &mut self.warnings);
+        match &own.kind[..] {
+            "source" => {
+                self.has_light = true;
+                let Self { sky, materials, warnings, .. } = self;
+                return sky.add(own, modifier, materials, placing.map, warnings);
+            }
+            "mesh" => return self.compiled_mesh(own, file, placing),
+            "instance" => return self.instance(own, file, placing),
+            _ => {}
         }
         let look = self.materials.look(modifier, &mut self.warnings)?;
         let is_lamp = look.material.emission != Vec3::ZERO;
         self.has_light |= is_lamp;
-        let Some(mesh) = shapes::mesh(own, is_lamp, &mut self.cutter)? else {
-            self.warnings.skipped("left out", &format!("{} {}", own.kind, own.name));
+        if is_lamp && self.lamp(own, modifier, placing)? {
             return Ok(());
-        };
+        }
+        let mesh = shapes::mesh(own, steps(is_lamp), &mut self.cutter)?;
         if mesh.triangles.is_empty() {
             self.warnings.skipped("left out shapes without area:", &own.name);
             return Ok(());
@@ -213,6 +249,50 @@ impl Reader {
         let parts = [MaterialMesh::new(Arc::new(mesh), index)];
         self.builder.place_by(&own.name, &parts, placing.map, false)
     }
+
+    /// Places a surface as a luminous opening. Returns false if its radiance does not depend on the
+    /// direction.
+    fn lamp(&mut self, own: &Primitive, modifier: &str, placing: &Placing) -> Result<bool> {
+        let (material, patterns) = self.materials.resolve(modifier)?;
+        // Their alternates shine instead.
+        if material.primitive.kind == "illum" && !material.primitive.words.is_empty() {
+            return Ok(false);
+        }
+        let mut lamps = std::mem::take(&mut self.lamps);
+        let emission = lamps.emission(&material, &patterns, |file, name| self.find(file, name));
+        self.lamps = lamps;
+        let Some(emission) = emission? else { return Ok(false) };
+        if emission.has_focus() {
+            let phrase = "the intensity of a point at all distances, which Radiance lowers near the \
+                          lamp by the length of the direction, of (a short direction has no effect)";
+            self.warnings.skipped(phrase, &material.primitive.name);
+        }
+        let [exact, mesh] = [EXACT_STEPS, LAMP_STEPS].map(|around| {
+            let mesh = shapes::mesh(own, around, &mut self.cutter)?;
+            Ok(placed(mesh, placing.map))
+        });
+        let (exact, mesh) = (exact?, mesh?);
+        let opening = self.lamps.opening(&emission, &exact, &mesh)?;
+        let Some(opening) = opening else { return Ok(false) };
+        let black = Material::new(&material.primitive.name, Bsdf::diffuse(Vec3::ZERO));
+        let luminous_opening = Some(Arc::new(opening));
+        let index = self.builder.add_material(Material { luminous_opening, ..black });
+        self.builder.count(0, mesh.triangles.len() as u64)?;
+        let parts = [MaterialMesh::new(Arc::new(mesh), index)];
+        self.builder.place_by(&own.name, &parts, DAffine3::IDENTITY, false)?;
+        Ok(true)
+    }
+}
+
+/// A mesh in the scene, with the same front.
+fn placed(mut mesh: Mesh, map: DAffine3) -> Mesh {
+    let at = |own: Vec3| map.transform_point3(own.as_dvec3()).as_vec3();
+    mesh.positions.iter_mut().for_each(|own| *own = at(*own));
+    mesh.normals.clear();
+    if map.matrix3.determinant() < 0.0 {
+        mesh.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+    }
+    mesh
 }
 
 /// A mesh of positions and triangles.

@@ -143,9 +143,16 @@ impl<'a> Tokens<'a> {
         }
     }
 
+    /// The next word. One in quotes may have white space, and ends with its line at the latest.
     fn word(&mut self) -> Option<&'a str> {
         self.skip();
         let rest = &self.text[self.at..];
+        if let Some(quote) = rest.chars().next().filter(|first| matches!(first, '\'' | '"')) {
+            let inside = &rest[1..];
+            let end = inside.find([quote, '\n']).unwrap_or(inside.len());
+            self.at += 1 + end + usize::from(inside[end..].starts_with(quote));
+            return Some(&inside[..end]);
+        }
         let end = rest.find(char::is_whitespace).unwrap_or(rest.len());
         self.at += end;
         (end > 0).then(|| &rest[..end])

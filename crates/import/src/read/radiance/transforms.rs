@@ -6,22 +6,26 @@ use glam::{DAffine3, DMat3, DVec3};
 /// Placements of one command, at most.
 const MAX_PLACEMENTS: u64 = 1_000_000;
 
-/// A sequence of transforms. `-i N` repeats those that follow it N times, up to the next `-i` or
-/// `-a`. `-a N` places what comes before it N times, each with the transforms that follow once
-/// more.
+/// A sequence of transforms in groups. `-i N` repeats those that follow it N times, up to the next
+/// `-i` or `-a`. `-a N` places what comes before it N times: as it is, and with the transforms that
+/// follow, up to the next `-i` or `-a`, once, twice and so on.
 #[derive(Clone, Debug)]
 pub struct Transforms {
-    /// The transforms before the first array, then those of each array with its number of copies.
-    arrays: Vec<(u64, DAffine3)>,
-    /// Number of repetitions of `pending`.
-    repeats: u32,
-    /// Transforms since the last `-i` or `-a`.
-    pending: DAffine3,
+    groups: Vec<Group>,
+}
+
+/// Transforms that are repeated together.
+#[derive(Clone, Copy, Debug)]
+struct Group {
+    /// Number of repetitions, or of copies.
+    count: u64,
+    is_array: bool,
+    map: DAffine3,
 }
 
 impl Default for Transforms {
     fn default() -> Self {
-        Self { arrays: vec![(1, DAffine3::IDENTITY)], repeats: 1, pending: DAffine3::IDENTITY }
+        Self { groups: vec![Group { count: 1, is_array: false, map: DAffine3::IDENTITY }] }
     }
 }
 
@@ -70,29 +74,23 @@ impl Transforms {
             "-i" | "-a" => {
                 words.next();
                 let count = number(words)?;
-                if !(1.0..=MAX_PLACEMENTS as f64).contains(&count) || count.fract() != 0.0 {
+                // Public scenes have `-i 0` before a transform that is not done.
+                let least = if word == "-a" { 1.0 } else { 0.0 };
+                if !(least..=MAX_PLACEMENTS as f64).contains(&count) || count.fract() != 0.0 {
                     let problem = format!("{count} is not a number of copies");
-                    return Err(Error::new(problem, format!("give 1 to {MAX_PLACEMENTS}")));
+                    return Err(Error::new(problem, format!("give {least} to {MAX_PLACEMENTS}")));
                 }
-                self.flush();
-                match &word[..] {
-                    "-a" => self.arrays.push((count as u64, DAffine3::IDENTITY)),
-                    _ => self.repeats = count as u32,
-                }
+                let (count, is_array) = (count as u64, word == "-a");
+                self.groups.push(Group { count, is_array, map: DAffine3::IDENTITY });
                 return Ok(true);
             }
             _ => return Ok(false),
         };
         // Later options move what earlier ones have moved.
-        self.pending = map * self.pending;
+        if let Some(group) = self.groups.last_mut() {
+            group.map = map * group.map;
+        }
         Ok(true)
-    }
-
-    /// Ends the transforms that are repeated.
-    fn flush(&mut self) {
-        let (_, map) = self.arrays.last_mut().expect("one at the start");
-        *map = power(self.pending, self.repeats.into()) * *map;
-        (self.pending, self.repeats) = (DAffine3::IDENTITY, 1);
     }
 
     /// The map of each copy.
@@ -100,20 +98,23 @@ impl Transforms {
     /// # Errors
     /// If there are too many.
     pub fn placements(&self) -> Result<Vec<DAffine3>> {
-        let mut own = self.clone();
-        own.flush();
-        let count = own.arrays.iter().try_fold(1u64, |all, (count, _)| all.checked_mul(*count));
+        let arrays = self.groups.iter().filter(|group| group.is_array);
+        let count = arrays.map(|group| group.count).try_fold(1u64, u64::checked_mul);
         if count.is_none_or(|count| count > MAX_PLACEMENTS) {
             let problem = "the arrays have more than a million copies";
             return Err(Error::new(problem, "reduce the numbers of `-a`"));
         }
-        let (_, first) = own.arrays[0];
-        let mut all = vec![first];
-        for (count, step) in &own.arrays[1..] {
+        let mut all = vec![DAffine3::IDENTITY];
+        for Group { count, is_array, map } in &self.groups {
+            if !is_array {
+                let map = power(*map, *count);
+                all.iter_mut().for_each(|own| *own = map * *own);
+                continue;
+            }
             let (mut next, mut moved) = (Vec::new(), DAffine3::IDENTITY);
             for _ in 0..*count {
-                next.extend(all.iter().map(|map| moved * *map));
-                moved = *step * moved;
+                next.extend(all.iter().map(|own| moved * *own));
+                moved = *map * moved;
             }
             all = next;
         }
@@ -154,6 +155,10 @@ mod tests {
         assert_eq!(placed("-rz 90 -t 1 0 0"), [[-1.0, 1.0, 3.0]]);
         assert_eq!(placed("-s 2 -mx"), [[-2.0, 4.0, 6.0]]);
         assert_eq!(placed("-i 3 -t 1 0 0 -i 1 -t 0 1 0"), [[4.0, 3.0, 3.0]]);
+        assert_eq!(placed("-t 0 0 1 -i 0 -t 1 0 0"), [[1.0, 2.0, 4.0]]);
+        // An iteration after an array moves all its copies.
+        let ring = placed("-t 1 0 -3 -a 2 -rz 180 -i 1 -t 0 0 5");
+        assert_eq!(ring, [[2.0, 2.0, 5.0], [-2.0, -2.0, 5.0]]);
         let row = placed("-t 0 0 1 -a 3 -t 10 0 0");
         assert_eq!(row, [[1.0, 2.0, 4.0], [11.0, 2.0, 4.0], [21.0, 2.0, 4.0]]);
         assert_eq!(placed("-a 2 -t 10 0 0 -a 2 -t 0 10 0").len(), 4);
@@ -168,7 +173,9 @@ mod tests {
             while own.take(&mut words)? {}
             own.placements()
         };
-        for bad in ["-t 1 2", "-s 0", "-a 1e9", "-a -1", "-a 2000 -a 2000", "-rx x"] {
+        for bad in
+            ["-t 1 2", "-s 0", "-a 1e9", "-a -1", "-a 0", "-i -1", "-a 2000 -a 2000", "-rx x"]
+        {
             assert!(take(bad).is_err(), "{bad}");
         }
     }

@@ -37,6 +37,8 @@ pub struct LightTable {
     irradiance: Option<NonNegative>,
     lux: Option<NonNegative>,
     pub(super) file: Option<String>,
+    /// Number of the set of lamps of an EULUMDAT file, from 1.
+    pub(super) lamp_set: Option<i64>,
     /// Toward the plane C0 of a luminaire.
     pub(super) c0: Option<Point>,
     /// Turn about the direction, counterclockwise as seen from behind the luminaire.
@@ -103,6 +105,7 @@ impl LightKind {
             Self::Luminaire => {
                 let keys = &[
                     "file",
+                    "lamp_set",
                     "position",
                     "direction",
                     "c0",
@@ -169,6 +172,7 @@ impl LightTable {
             ("irradiance", self.irradiance.is_some()),
             ("lux", self.lux.is_some()),
             ("file", self.file.is_some()),
+            ("lamp_set", self.lamp_set.is_some()),
             ("c0", self.c0.is_some()),
             ("turn_deg", self.turn_deg.is_some()),
             ("tilt_deg", self.tilt_deg.is_some()),

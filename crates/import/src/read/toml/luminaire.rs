@@ -24,18 +24,27 @@ pub enum OpeningChoice {
     Point,
 }
 
-/// Photometric files of a scene, each read once however many luminaires it describes.
+/// Photometric files of a scene, each read once for a set of lamps however many luminaires it
+/// describes.
 #[derive(Default)]
-pub struct LuminaireFiles(HashMap<PathBuf, (LuminaireFile, Arc<IntensityDistribution>)>);
+pub struct LuminaireFiles(HashMap<FileKey, (LuminaireFile, Arc<IntensityDistribution>)>);
+
+/// A file, and the number of the set of lamps that is chosen.
+type FileKey = (PathBuf, Option<usize>);
 
 impl LuminaireFiles {
-    fn read(&mut self, path: &Path) -> Result<&(LuminaireFile, Arc<IntensityDistribution>)> {
-        if !self.0.contains_key(path) {
-            let file = LuminaireFile::read(path)?;
+    fn read(
+        &mut self,
+        path: &Path,
+        lamp_set: Option<usize>,
+    ) -> Result<&(LuminaireFile, Arc<IntensityDistribution>)> {
+        let key = (path.to_owned(), lamp_set);
+        if !self.0.contains_key(&key) {
+            let file = LuminaireFile::read_with(path, lamp_set)?;
             let distribution = Arc::new(file.distribution.clone());
-            self.0.insert(path.to_owned(), (file, distribution));
+            self.0.insert(key.clone(), (file, distribution));
         }
-        Ok(&self.0[path])
+        Ok(&self.0[&key])
     }
 }
 
@@ -53,7 +62,7 @@ impl LightTable {
         if !path.is_file() {
             return Err(Error::new(format!("there is no file `{file}`"), RELATIVE_NAME));
         }
-        let (read, distribution) = files.read(&path)?;
+        let (read, distribution) = files.read(&path, self.lamp_set()?)?;
         let direction = self.direction.map(|direction| direction.0.as_dvec3());
         let c0 = self.c0.map(|c0| c0.0.as_dvec3());
         let axes = frame(direction, c0, self.turn_deg.unwrap_or(0.0))?;
@@ -100,6 +109,17 @@ impl LightTable {
         let notes = read.notes.iter().map(|note| format!("{}: {note}", path.display()));
         Ok((luminaire, notes.collect()))
     }
+
+    /// The number of the set of lamps, from 1, if it is given.
+    fn lamp_set(&self) -> Result<Option<usize>> {
+        let Some(given) = self.lamp_set else { return Ok(None) };
+        let number = usize::try_from(given).ok().filter(|number| *number > 0);
+        number.map(Some).ok_or_else(|| {
+            let advice = "give a whole number from 1; the note of the file lists its sets";
+            Error::new(format!("`lamp_set` is {given}"), advice)
+        })
+    }
+
     /// The luminous flux that the file is scaled to, lm, if it is given.
     fn total_lumen(&self) -> Result<Option<f64>> {
         let Some(NonNegative(lumen)) = self.lumen else { return Ok(None) };
