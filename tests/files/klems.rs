@@ -11,7 +11,7 @@ use tempfile::TempDir;
 const NAME: &str = "LBNL/Klems Quarter";
 
 /// A block of values by the column of arriving and the row of leaving light.
-fn block(direction: &str, value: impl Fn(usize, usize) -> f64) -> String {
+pub(super) fn block(direction: &str, value: impl Fn(usize, usize) -> f64) -> String {
     let n = 41;
     let mut text = format!(
         "<WavelengthDataBlock><WavelengthDataDirection>{direction}</WavelengthDataDirection>\
@@ -24,7 +24,7 @@ fn block(direction: &str, value: impl Fn(usize, usize) -> f64) -> String {
     text + "</ScatteringData></WavelengthDataBlock>\n"
 }
 
-fn xml(structure: &str, part: &str, blocks: &[String]) -> String {
+pub(super) fn xml(structure: &str, part: &str, blocks: &[String]) -> String {
     format!(
         "<?xml version=\"1.0\"?>\n<WindowElement xmlns=\"http://windows.lbl.gov\"><Optical><Layer>\n\
          <Material><Name>blind</Name></Material>\n<DataDefinition>\n\

@@ -180,3 +180,48 @@ fn what_is_left_out_is_reported() {
     let texts: Vec<_> = loaded.warnings.iter().map(|own| own.text.clone()).collect();
     assert!(texts.iter().any(|own| own.contains("patterns") && own.contains("wood")), "{texts:?}");
 }
+
+/// A sheet by a BSDF file: the direction that is up is turned with the file that names it, and
+/// diffuse shares of the numbers are added.
+#[test]
+fn sheets_scatter_by_bsdf_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    let transmission = super::klems::block("Transmission Front", |_, _| 0.1);
+    put("blind.xml", &super::klems::xml("Columns", "Visible", &[transmission]));
+    put("tree.xml", &super::klems::xml("TensorTree4", "Visible", &[]));
+    let lamp =
+        "void light bright 0 0 3 1 1 1\nbright polygon lamp 0 0 12 0 0 2 0 1 2 1 1 2 1 0 2\n";
+    let loaded = |material: &str| {
+        put("part.rad", &format!("{material}\nit polygon square 0 0 {SQUARE}"));
+        put("a.rad", &format!("{lamp}!xform -rx 90 part.rad\n"));
+        load(folder.path().join("a.rad"))
+    };
+    let sheet = |material: &str| {
+        let loaded = loaded(material).unwrap_or_else(|error| panic!("{error}"));
+        let own = loaded.scene.materials().iter().find(|own| own.name == "it").unwrap().bsdf;
+        let skipped = loaded.warnings.iter().filter(|one| one.kind == WarningKind::Skipped);
+        (own, skipped.map(|one| one.text.clone()).collect::<Vec<_>>().join("\n"))
+    };
+    let (own, notes) = sheet("void BSDF it 6 0 blind.xml 0 1 0 . 0 9 .3 .3 .3 0 0 0 .1 .1 .1");
+    let Bsdf::Klems(klems) = own else { panic!("{own:?}") };
+    assert!((klems.up() - Vec3::Z).length() < 1e-6 && notes.is_empty(), "{notes}");
+    let shares = [true, false].map(|front| klems.diffuse_shares(front));
+    let transmitted = 0.1 * std::f32::consts::PI + 0.1;
+    for (found, expected) in shares.iter().flatten().zip([0.3, transmitted, 0.0, transmitted]) {
+        assert!((found - expected).abs() < 1e-4, "{shares:?}");
+    }
+    let (_, notes) = sheet("void BSDF it 6 .1 blind.xml 0 1 0 . 0 0");
+    assert!(notes.contains("without thickness"), "{notes}");
+    let (_, notes) = sheet("void aBSDF it 5 blind.xml 0 1 0 . 0 0");
+    assert!(notes.contains("spread over a patch"), "{notes}");
+    let (own, notes) = sheet("void BSDF it 6 0 tree.xml 0 1 0 . 0 0");
+    assert!(matches!(own, Bsdf::Lambertian { .. }) && notes.contains("TensorTree4"), "{notes}");
+    for (wrong, problem) in [
+        ("void BSDF it 6 0 absent.xml 0 1 0 . 0 0", "there is no BSDF file `absent.xml`"),
+        ("void BSDF it 3 0 blind.xml up 0 0", "has no file with a direction"),
+    ] {
+        let refused = loaded(wrong).unwrap_err().to_string();
+        assert!(refused.contains(problem) && refused.contains("part.rad:"), "{refused}");
+    }
+}

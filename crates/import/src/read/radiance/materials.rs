@@ -180,6 +180,9 @@ impl Materials {
                 warnings.skipped("ignored the patterns and textures", &pattern.primitive.name);
             }
         }
+        if matches!(&own.primitive.kind[..], "BSDF" | "aBSDF") {
+            return super::bsdf::look(&own, warnings);
+        }
         self.look_of(&own.primitive, warnings)
     }
 

@@ -5,6 +5,7 @@
 //! run: `xform`, `genbox` and `genprism` are done here, and all others are refused.
 
 mod binary;
+mod bsdf;
 mod commands;
 mod data;
 mod generators;
