@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
-"""An IFC model as a scene of bdpm: surfaces by material, luminaires by photometric file, meters by room.
+"""IFC models as a scene of bdpm: surfaces by material, luminaires by photometric file, meters by room.
 
     python3 -m venv VENV && VENV/bin/pip install ifcopenshell
-    VENV/bin/python scripts/ifc_scene.py BUILDING.ifc OUT --ies panel.ies --ies Downlight=spot.ldt
+    VENV/bin/python scripts/ifc_scene.py BUILDING.ifc [ELECTRICAL.ifc ...] OUT --ies panel.ies --ies Downlight=spot.ldt
     bdpm info OUT && bdpm measure OUT --report OUT/report.html
 
-Writes OUT/scene.toml and OUT/building.obj. What it does with the elements of the model:
+Writes OUT/scene.toml and OUT/building.obj. Several models are parts of one building, such as its architecture and its
+electrical installation. What it does with their elements:
 
 - Geometry in world coordinates, meters, +y up. Materials have the names and colors of the styles, and are diffuse.
   Styles with a transparency of at least .3 are clear glass: panes of a window keep their thickness.
-- An IfcLightFixture becomes a luminaire in the middle of the bottom of its body, which shines down. Its file is that of
+- An IfcLightFixture, in IFC 2x3 an element of an IfcLightFixtureType, becomes a luminaire in the middle of the bottom of its body, which shines down. Its file is that of
   --ies NAME=FILE whose NAME is a part of the name of the fixture or of its type, else that of --ies FILE. Its body is
   left out, since it would block the light.
 - An IfcSpace becomes a grid of meters --height above its floor with --border around it, whose points are those of
@@ -27,7 +28,7 @@ import ifcopenshell
 import ifcopenshell.geom
 import ifcopenshell.util.element
 
-LEFT_OUT = ("IfcOpeningElement", "IfcSpace", "IfcAnnotation", "IfcGrid", "IfcLightFixture", "IfcVirtualElement")
+LEFT_OUT = ("IfcOpeningElement", "IfcSpace", "IfcAnnotation", "IfcGrid", "IfcVirtualElement")
 GLASS = 0.3
 # Reflectances of materials without a color, and the range of those with one.
 DEFAULT, DARKEST, BRIGHTEST = 0.5, 0.03, 0.85
@@ -35,7 +36,7 @@ DEFAULT, DARKEST, BRIGHTEST = 0.5, 0.03, 0.85
 
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("model", type=pathlib.Path, metavar="BUILDING.ifc")
+    parser.add_argument("models", type=pathlib.Path, nargs="+", metavar="BUILDING.ifc")
     parser.add_argument("out", type=pathlib.Path, metavar="OUT")
     parser.add_argument("--ies", action="append", default=[], metavar="[NAME=]FILE")
     parser.add_argument("--height", type=float, default=0.75)
@@ -43,6 +44,11 @@ def arguments():
     for name in ("required-mean", "required-uniformity", "maintenance-factor"):
         parser.add_argument(f"--{name}", type=float)
     return parser.parse_args()
+
+
+def is_luminaire(element):
+    kind = ifcopenshell.util.element.get_type(element)
+    return element.is_a("IfcLightFixture") or (kind is not None and kind.is_a("IfcLightFixtureType"))
 
 
 def shapes(model, settings, chosen):
@@ -69,21 +75,21 @@ def corners(geometry):
 class Materials:
     """Names of scene files for the styles of the model."""
 
-    def __init__(self, model):
-        self.model, self.keys = model, {}
+    def __init__(self):
+        self.keys = {}
 
-    def label(self, style):
+    def label(self, model, style):
         """The name of the surface style that a style of the geometry comes from."""
         number = style.instance_id()
         if number <= 0:
             return style.name
-        entity = self.model.by_id(number)
-        owners = [entity] if entity.is_a("IfcSurfaceStyle") else self.model.get_inverse(entity)
+        entity = model.by_id(number)
+        owners = [entity] if entity.is_a("IfcSurfaceStyle") else model.get_inverse(entity)
         names = [own.Name for own in owners if own.is_a("IfcSurfaceStyle") or own.is_a("IfcMaterial")]
         return next(filter(None, names), None) or style.name
 
-    def name(self, style):
-        label = self.label(style) or "surface"
+    def name(self, model, style):
+        label = self.label(model, style) or "surface"
         own = re.sub(r"[^A-Za-z0-9_-]+", "_", label).strip("_") or "surface"
         if own not in self.keys:
             color = style.diffuse
@@ -96,14 +102,19 @@ class Materials:
         return own
 
 
-def write_surfaces(model, settings, path, materials):
-    count, is_left_out = 0, lambda element: any(element.is_a(name) for name in LEFT_OUT)
+def write_surfaces(models, settings, path, materials):
+    def is_surface(element):
+        return not is_luminaire(element) and not any(element.is_a(name) for name in LEFT_OUT)
+
+    count = 0
     with open(path, "w", encoding="utf-8") as file:
-        for element, geometry in shapes(model, settings, lambda own: not is_left_out(own)):
+        for model, element, geometry in (
+            (model, *shape) for model in models for shape in shapes(model, settings, is_surface)
+        ):
             places = corners(geometry)
             file.write(f"o {element.is_a()}_{element.id()}\n")
             file.writelines("v {:.6f} {:.6f} {:.6f}\n".format(*place) for place in places)
-            names = [materials.name(style) for style in geometry.materials] or ["surface"]
+            names = [materials.name(model, style) for style in geometry.materials] or ["surface"]
             if names == ["surface"]:
                 materials.keys.setdefault("surface", f"albedo = {DEFAULT}\n")
             faces, ids = geometry.faces, geometry.material_ids
@@ -117,7 +128,7 @@ def write_surfaces(model, settings, path, materials):
 
 def luminaires(model, settings, files, out):
     text, number = "", 0
-    for element, geometry in shapes(model, settings, lambda own: own.is_a("IfcLightFixture")):
+    for element, geometry in shapes(model, settings, is_luminaire):
         places = corners(geometry)
         low, high = [[pick(place[axis] for place in places) for axis in range(3)] for pick in (min, max)]
         kind = ifcopenshell.util.element.get_type(element)
@@ -158,16 +169,18 @@ def rooms(model, settings, own):
 def main():
     own = arguments()
     own.out.mkdir(parents=True, exist_ok=True)
-    model = ifcopenshell.open(str(own.model))
+    models = [ifcopenshell.open(str(path)) for path in own.models]
     settings = ifcopenshell.geom.settings()
     settings.set("use-world-coords", True)
     files = [("", pathlib.Path(word)) if "=" not in word else (word.split("=")[0], pathlib.Path(word.split("=", 1)[1])) for word in own.ies]
-    materials = Materials(model)
-    vertices = write_surfaces(model, settings, own.out / "building.obj", materials)
+    materials = Materials()
+    vertices = write_surfaces(models, settings, own.out / "building.obj", materials)
     if vertices == 0:
-        sys.exit(f"{own.model}: the model has no surfaces")
-    lights, luminaire_count = luminaires(model, settings, files, own.out)
-    meters, room_count = rooms(model, settings, own)
+        sys.exit(f"{own.models[0]}: the model has no surfaces")
+    parts = [luminaires(model, settings, files, own.out) for model in models]
+    lights, luminaire_count = "".join(text for text, _ in parts), sum(count for _, count in parts)
+    parts = [rooms(model, settings, own) for model in models]
+    meters, room_count = "".join(text for text, _ in parts), sum(count for _, count in parts)
     lines = (own.out / "building.obj").read_text(encoding="utf-8").splitlines()
     places = [list(map(float, line.split()[1:])) for line in lines if line.startswith("v ")]
     middle = [0.5 * (min(own) + max(own)) for own in zip(*places)]

@@ -202,8 +202,18 @@ impl LuminanceDistribution {
 
     /// This distribution with this horizontal irradiance, W/m^2.
     fn scaled(self, irradiance: f64) -> Self {
-        let own = horizontal_irradiance(|direction| DVec3::splat(self.radiance(direction))).x;
-        Self { scale: irradiance / own, ..self }
+        Self { scale: irradiance / self.horizontal(), ..self }
+    }
+
+    /// The parameters `a` to `e` of gradation and indicatrix.
+    pub fn coefficients(&self) -> [f64; 5] {
+        let Self { a, b, c, d, e, .. } = *self;
+        [a, b, c, d, e]
+    }
+
+    /// Irradiance of the horizontal, W/m^2.
+    pub fn horizontal(&self) -> f64 {
+        horizontal_irradiance(|direction| DVec3::splat(self.radiance(direction))).x
     }
 
     /// Returns true if a type of the CIE general sky is the same for all positions of the sun.

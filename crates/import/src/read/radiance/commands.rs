@@ -1,7 +1,8 @@
-//! Commands of files: `xform`, `genbox` and `genprism`, which are done here, one after another or in
+//! Commands of files: `xform`, `genbox`, `genprism`, `gensky` and `gendaylit`, which are done here, one after another or in
 //! a pipe.
 
 use super::generators::{Generated, genbox, genprism};
+use super::skies::{gendaylit, gensky};
 use super::tokens::Primitive;
 use super::transforms::Transforms;
 use bdpm_core::base::error::{Error, Result};
@@ -40,6 +41,8 @@ impl Command {
                 ("xform", Some(before)) => xform(words, Some(before))?,
                 ("genbox", None) => Self::of(genbox(words)?),
                 ("genprism", None) => Self::of(genprism(words)?),
+                ("gensky", None) => Self::of(gensky(words)?),
+                ("gendaylit", None) => Self::of(gendaylit(words)?),
                 _ => return Err(unknown(&name)),
             });
         }
@@ -77,7 +80,7 @@ fn unquoted(word: &str) -> String {
 fn unknown(name: &str) -> Error {
     let advice = format!(
         "run it, `{name} ... > part.rad`, and put `!xform part.rad` in its place; only xform, \
-         genbox and genprism are done without running commands"
+         genbox, genprism, gensky and gendaylit are done without running commands"
     );
     Error::new(format!("the command `{name}` is not run"), advice)
 }

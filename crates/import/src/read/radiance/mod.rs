@@ -15,6 +15,7 @@ mod materials;
 mod mesh;
 mod patterns;
 mod shapes;
+mod skies;
 mod sky;
 mod tokens;
 mod transforms;
