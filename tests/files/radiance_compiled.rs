@@ -63,15 +63,14 @@ fn directions() -> impl Iterator<Item = Vec3> {
 
 #[test]
 fn luminaires_of_ies2rad_have_the_intensities_of_their_ies_files() {
-    // The largest error over the peak: that of the digits of ies2rad, and of steps of 1.5 degrees
-    // where the product of a cosine and linear data is no grid of the data.
+    // The largest error over the peak. Sizes of steps matter where a cosine times linear data is no
+    // grid of the data. Files of type B are left out: Radiance has other angles for them.
     let cases = [
         ("quarter", "photometry/quarter.ies", 2e-5),
-        ("flood", "photometry/flood.ies", 3e-3),
         ("tilted", "photometry/tilted.ies", 2e-5),
-        ("box", "radiance/box.ies", 2e-3),
-        ("drum", "radiance/drum.ies", 8e-3),
-        ("globe", "radiance/globe.ies", 2e-4),
+        ("box", "radiance/box.ies", 3e-3),
+        ("drum", "radiance/drum.ies", 3e-3),
+        ("globe", "radiance/globe.ies", 3e-3),
     ];
     for (name, ies, tolerance) in cases {
         let loaded = read(&format!("{GROUND}!xform {name}.rad\n"));
@@ -160,13 +159,13 @@ fn rings_shine_along_their_normal() {
 
 #[test]
 fn compiled_meshes_have_the_triangles_and_materials_of_their_source() {
-    let lamp = "void light bright 0 0 3 1 1 1\nbright sphere lamp 0 0 4 0 0 9 .5\n";
+    let lamp = "void light bright 0 0 3 1 1 1\nbright sphere lamp 0 0 4 0 3 9 .5\n";
     let own = read(&format!("{lamp}void mesh ball 1 ball.rtm 0 0\n")).scene;
     let bounds = own.bounds();
     // The ball has the radius 1 on a square of 4 by 4.
     let near = |a: Vec3, b: Vec3| assert!((a - b).length() < 1e-4, "{a} {b}");
     near(bounds.min, Vec3::new(-2.0, -2.0, -1.0));
-    let of = |scene: &Scene, name: &str| -> (usize, f32, bool) {
+    let of = |scene: &Scene, name: &str, center: Vec3| -> (usize, f32, bool) {
         let index = scene.materials().iter().position(|own| own.name == name).unwrap();
         let meshes = scene.placements().iter().map(|own| (&scene.meshes()[own.mesh as usize], own));
         let own = meshes.filter(|(_, placement)| placement.material as usize == index);
@@ -178,24 +177,26 @@ fn compiled_meshes_have_the_triangles_and_materials_of_their_source() {
                 let [a, b, c] = corners.map(|corner| mesh.positions[corner as usize]);
                 all.1 += 0.5 * (b - a).cross(c - a).length();
             }
-            for (position, normal) in mesh.positions.iter().zip(&mesh.normals) {
-                near(*position, *normal);
+            // Those of a ball of radius 1 about the origin of the mesh.
+            for (normal, position) in mesh.normals.iter().zip(&mesh.positions) {
+                near(*position - center, *normal);
             }
         }
         all
     };
-    let (count, area, is_smooth) = of(&own, "red");
+    let (count, area, is_smooth) = of(&own, "red", Vec3::ZERO);
     assert!(
         (count, is_smooth) == (24 * 30, true) && (area / (4.0 * PI) - 1.0).abs() < 0.02,
         "{area}"
     );
-    let (count, area, is_smooth) = of(&own, "green");
+    let (count, area, is_smooth) = of(&own, "green", Vec3::ZERO);
     assert!((count, is_smooth) == (2, false) && (area / 16.0 - 1.0).abs() < 1e-5, "{area}");
     // A modifier replaces both, and names of the file do not leave it.
     let moved = "void plastic blue 0 0 5 .1 .1 .6 0 0\nblue mesh ball 5 ball.rtm -t 1 2 3 0 0\n";
     let own = read(&format!("{lamp}{moved}")).scene;
+    let center = Vec3::new(1.0, 2.0, 3.0);
     near(own.bounds().min, Vec3::new(-1.0, 0.0, 2.0));
-    assert!(own.materials().iter().all(|own| own.name != "red"));
+    assert_eq!((of(&own, "red", center).0, of(&own, "blue", center).0), (0, 24 * 30 + 2));
     let leak =
         try_read(&format!("{lamp}void mesh ball 1 ball.rtm 0 0\nred sphere s 0 0 4 0 0 5 1\n"));
     assert!(leak.unwrap_err().to_string().contains("`red` is not defined"));
@@ -204,7 +205,7 @@ fn compiled_meshes_have_the_triangles_and_materials_of_their_source() {
 #[test]
 fn octrees_stand_for_their_scenes() {
     let [plain, frozen] = ["part.oct", "frozen.oct"]
-        .map(|name| read(&format!("{GROUND}void instance it 6 {name} -t 0 0 1 -s 2 0 0\n")).scene);
+        .map(|name| read(&format!("{GROUND}void instance it 7 {name} -t 0 0 1 -s 2 0 0\n")).scene);
     for scene in [&plain, &frozen] {
         assert!((scene.bounds().max.z - 6.0).abs() < 1e-4, "{:?}", scene.bounds());
         let power = 2.0 * PI * 4.0 * 0.09 * PI * 179.0 / LUMENS_PER_WATT;
@@ -212,7 +213,9 @@ fn octrees_stand_for_their_scenes() {
         assert!((own / power - 1.0).abs() < 2e-3, "{own} {power}");
     }
     let own = read(&format!("{GROUND}ground instance it 1 frozen.oct 0 0\n"));
-    assert_eq!(own.scene.lights().power(), Vec3::ZERO, "a modifier replaces all materials");
+    // A modifier replaces all materials, so that the lamp does not shine.
+    let emitters = own.scene.lights().emitters();
+    assert!(!emitters.iter().any(|own| matches!(own, Emitter::Triangle { .. })), "{emitters:?}");
 }
 
 #[test]

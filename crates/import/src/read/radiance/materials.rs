@@ -251,6 +251,11 @@ impl Materials {
             "light" | "glow" | "illum" | "spotlight" => {
                 let [r, g, b] = own.at_least()?;
                 let mut look = Look::new(Bsdf::diffuse(Rgb::ZERO));
+                // They are seen, but shine on nothing.
+                if own.kind == "glow" && own.numbers.get(3).is_some_and(|radius| *radius < 0.0) {
+                    warnings.skipped("black instead of a glow of a negative radius:", &own.name);
+                    return Ok(look);
+                }
                 let _ = look.emit(Paint::plain(emitted([r, g, b].map(|own| own.max(0.0)))));
                 look
             }

@@ -42,13 +42,66 @@ fn polygon(own: &Primitive, cutter: &mut Cutter) -> Result<Mesh> {
         let problem = format!("has {} numbers", numbers.len());
         return Err(own.error(&problem, "give three for each corner, at least 9"));
     }
-    let positions: Vec<Vec3> =
-        numbers.chunks_exact(3).map(|at| DVec3::new(at[0], at[1], at[2]).as_vec3()).collect();
+    let mut corners: Vec<DVec3> =
+        numbers.chunks_exact(3).map(|at| DVec3::new(at[0], at[1], at[2])).collect();
+    turn_holes(&mut corners);
+    let positions: Vec<Vec3> = corners.iter().map(|own| own.as_vec3()).collect();
     let mut triangles = Vec::new();
     cutter.cut(positions.iter().copied(), |corners| {
         triangles.push(corners.map(|corner| corner as u32));
     });
     Ok(mesh_of(positions, triangles))
+}
+
+/// Corners of a polygon whose holes are looked for, at most: the time grows with the square.
+const MAX_HOLED: usize = 1024;
+
+/// Turns holes that go around as the outline does. A bridge leads to each hole and back. Radiance
+/// counts crossings, for which the sense of a hole does not matter, and public scenes have both.
+fn turn_holes(corners: &mut [DVec3]) {
+    if corners.len() > MAX_HOLED {
+        return;
+    }
+    let area = |points: &[DVec3]| -> DVec3 {
+        let first = points[0];
+        points.windows(2).map(|pair| (pair[0] - first).cross(pair[1] - first)).sum()
+    };
+    // Once more if the polygon begins at a hole, from which the outline looks like a hole.
+    for _ in 0..2 {
+        let holes = holes(corners);
+        let areas: Vec<DVec3> =
+            holes.iter().map(|[start, end]| area(&corners[*start..=*end])).collect();
+        let outline = area(corners) - areas.iter().sum::<DVec3>();
+        let larger = areas.iter().position(|own| own.length() > outline.length());
+        if let Some(larger) = larger {
+            corners.rotate_left(holes[larger][0]);
+            continue;
+        }
+        for ([start, end], own) in holes.into_iter().zip(areas) {
+            if own.dot(outline) > 0.0 {
+                corners[start..=end].reverse();
+            }
+        }
+        return;
+    }
+}
+
+/// First and last corner of each loop that a bridge leads to.
+fn holes(corners: &[DVec3]) -> Vec<[usize; 2]> {
+    let (mut all, mut at) = (Vec::new(), 1);
+    while at < corners.len() {
+        let is_end = |end: &usize| {
+            corners[*end] == corners[at] && corners[(*end + 1) % corners.len()] == corners[at - 1]
+        };
+        match (at + 3..corners.len()).find(is_end) {
+            Some(end) => {
+                all.push([at, end]);
+                at = end + 1;
+            }
+            None => at += 1,
+        }
+    }
+    all
 }
 
 fn sphere(own: &Primitive, around: u32) -> Result<Mesh> {
@@ -174,6 +227,23 @@ mod tests {
         assert!((area(&ring) / (0.75 * PI) - 1.0).abs() < 2e-3, "{}", area(&ring));
         // It faces along its normal.
         assert!(volume(&ring) > 0.0);
+    }
+
+    /// A square of 3 by 3 with a hole of 1, whose bridge begins at the first corner.
+    #[test]
+    fn holes_are_holes_in_either_sense() {
+        let outer = [[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0], [0.0, 0.0]];
+        let mut hole = [[1.0, 1.0], [1.0, 2.0], [2.0, 2.0], [2.0, 1.0], [1.0, 1.0]];
+        for _ in 0..2 {
+            for turned in 0..10 {
+                let mut all: Vec<[f64; 2]> = outer.iter().chain(&hole).copied().collect();
+                all.rotate_left(turned);
+                let numbers: Vec<f64> = all.iter().flat_map(|[x, y]| [*x, *y, 0.0]).collect();
+                let mesh = read("polygon", &numbers);
+                assert!((area(&mesh) - 8.0).abs() < 1e-5, "{turned} {}", area(&mesh));
+            }
+            hole.reverse();
+        }
     }
 
     #[test]
