@@ -274,7 +274,7 @@ pub fn gendaylit(words: std::vec::IntoIter<String>) -> Result<Generated> {
                       both illuminances, lx; or run it, and put `!xform sky.rad` in its place";
         return Err(Error::new("`gendaylit` has no light", advice));
     };
-    let (sun, day) = (toward(own.angles), own.time.map_or(173.0, |(day, _)| day));
+    let (sun, day) = (toward(own.angles), own.time.map_or(0.0, |(day, _)| day));
     let [direct, diffuse] = [numbers[0].max(0.0), numbers[1].max(0.0)];
     if sun.z <= 0.0 || diffuse == 0.0 {
         // Below the horizon there is no light.
@@ -404,7 +404,7 @@ mod tests {
                 ][..],
             ),
             (
-                "12 21 14:30 -a 48.1 -o -11.6 -m -15 -W 300 60 -g .3",
+                "12 21 14 -a 48.1 -o -11.6 -m -15 -W 300 60 -g .3",
                 &[
                     1.842e6, 22.37, 5.639, -0.956928, -0.290975, 12.305576, -3.318593, 0.057023,
                     -0.420472, -0.872662, 0.248321,
