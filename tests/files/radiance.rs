@@ -128,7 +128,7 @@ fn errors_name_the_line_and_what_to_do() {
         ("\nit polygon square 0 0 9 0 0 0 1 0 0 1 1 0\n", "`it` is not defined", 2),
         ("void plastic it 0 0 5 1 1 1 0 0\nit polygon s 0 0 6 0 0 0 1 1 1\n", "6 numbers", 2),
         ("void plastic it 0 0 5 1 1 1 0 0\nit torus s 0 0 0\n", "no known type", 2),
-        ("!gensky 3 21 12\n", "`gensky` is not run", 1),
+        ("!gensurf a b\n", "`gensurf` is not run", 1),
         ("!rm -rf x\n", "`rm` is not run", 1),
         ("\n\n!xform -t 1 nothing.rad\n", "is not a number", 3),
         ("!xform -t 1 0 0 nothing.rad\n", "no file `nothing.rad`", 1),

@@ -1,5 +1,5 @@
-//! Commands of files: `xform`, `genbox`, `genprism`, `gensky` and `gendaylit`, which are done here, one after another or in
-//! a pipe.
+//! Commands of files: `xform`, `genbox`, `genprism`, `gensky` and `gendaylit`, which are done here,
+//! one after another or in a pipe.
 
 use super::generators::{Generated, genbox, genprism};
 use super::skies::{gendaylit, gensky};
