@@ -65,7 +65,7 @@ fn materials_have_the_shares_of_the_file() {
     let Bsdf::Glossy(metal) = bsdf("void metal it 0 0 5 .7 .6 .5 .9 .2") else { panic!() };
     assert!((metal.metallic() - 0.9).abs() < 1e-6);
     let Bsdf::ThinDielectric(sheet) = bsdf("void glass it 0 0 3 .9 .8 .7") else { panic!() };
-    assert_eq!((sheet.eta, sheet.transmittance), (1.52, Vec3::new(0.9, 0.8, 0.7)));
+    assert_eq!((sheet.eta, sheet.internal), (1.52, Vec3::new(0.9, 0.8, 0.7)));
     let Bsdf::DiffuseTransmission(cloth) = bsdf("void trans it 0 0 7 .8 .8 .8 0 0 .25 0") else {
         panic!()
     };

@@ -399,7 +399,14 @@ fn delta_lobes_go_where_optics_sends_them() {
         (Bsdf::Dielectric(Dielectric::new(1.5)), refracted, 1.0 / 2.25),
         (Bsdf::ThinDielectric(ThinDielectric::new(1.5)), -at.wo, 1.0),
         (Bsdf::Dielectric(Dielectric { eta: 1.5, transmittance: half }), refracted, 0.5 / 2.25),
-        (Bsdf::ThinDielectric(ThinDielectric { eta: 1.5, transmittance: half }), -at.wo, 0.5),
+        (
+            Bsdf::ThinDielectric(ThinDielectric {
+                transmittance: half,
+                ..ThinDielectric::new(1.5)
+            }),
+            -at.wo,
+            0.5,
+        ),
     ] {
         let mut passed = 0;
         for _ in 0..1000 {

@@ -96,7 +96,16 @@ impl Look {
 
     /// A clear sheet of relative refractive index `eta`.
     pub fn sheet(eta: f32, transmittance: Rgb) -> Self {
-        Self::new(Bsdf::ThinDielectric(ThinDielectric { eta, transmittance }))
+        Self::new(Bsdf::ThinDielectric(ThinDielectric {
+            transmittance,
+            ..ThinDielectric::new(eta)
+        }))
+    }
+
+    /// A sheet that keeps this share of light which crosses it at normal incidence, without
+    /// reflections.
+    pub fn tinted_sheet(eta: f32, internal: Rgb) -> Self {
+        Self::new(Bsdf::ThinDielectric(ThinDielectric { internal, ..ThinDielectric::new(eta) }))
     }
 
     /// A thin sheet that reflects and transmits diffusely by these paints, and whether their

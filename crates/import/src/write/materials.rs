@@ -80,7 +80,10 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
             format!("type = \"dielectric\"\n{indices}{rough}{facets}{tint}")
         }
         Bsdf::ThinDielectric(sheet) => {
-            let tint = transmittance(sheet.transmittance);
+            let mut tint = transmittance(sheet.transmittance);
+            if sheet.internal != Rgb::ONE {
+                let _ = writeln!(tint, "internal_transmittance = {}", color(sheet.internal));
+            }
             format!("type = \"thin-dielectric\"\nior = {}\n{tint}", number(sheet.eta))
         }
         Bsdf::Conductor(metal) => conductor(&metal),

@@ -238,10 +238,10 @@ impl Bsdf {
     /// Returns true if all light goes straight on: the refractive indices on both sides are equal.
     pub fn is_index_matched(&self) -> bool {
         match *self {
-            Self::Dielectric(Dielectric { eta, transmittance })
-            | Self::ThinDielectric(ThinDielectric { eta, transmittance }) => {
+            Self::Dielectric(Dielectric { eta, transmittance }) => {
                 eta == 1.0 && transmittance == Rgb::ONE
             }
+            Self::ThinDielectric(sheet) => sheet == ThinDielectric::new(1.0),
             _ => false,
         }
     }

@@ -228,7 +228,7 @@ impl Materials {
                 let [r, g, b] = own.at_least()?;
                 let eta = own.numbers.get(3).map_or(GLASS, |eta| *eta as f32);
                 check_index(own, eta)?;
-                Look::sheet(eta, color([r, g, b]))
+                Look::tinted_sheet(eta, color([r, g, b]))
             }
             "dielectric" | "interface" => dielectric(own)?,
             "mirror" => {

@@ -43,6 +43,7 @@ pub struct MaterialTable {
     opacity: Option<Opacity>,
     transmittance: Option<Spanned<Albedo>>,
     visible_transmittance: Option<Spanned<Albedo>>,
+    internal_transmittance: Option<Spanned<Albedo>>,
     normal_texture: Option<Spanned<TextureTable>>,
     normal_scale: Option<Spanned<NormalScale>>,
     emission_texture: Option<Spanned<TextureTable>>,
@@ -119,9 +120,10 @@ impl MaterialKind {
                 "dielectric",
                 "ior outside_ior roughness alpha facets transmittance interior exterior",
             ),
-            Self::ThinDielectric => {
-                ("thin-dielectric", "ior transmittance visible_transmittance interior exterior")
-            }
+            Self::ThinDielectric => (
+                "thin-dielectric",
+                "ior transmittance visible_transmittance internal_transmittance interior exterior",
+            ),
             Self::Metal => ("metal", "metal eta k reflectance roughness alpha facets tint"),
             Self::Coated => ("coated", "albedo albedo_texture ior"),
             Self::Glossy => (
@@ -208,7 +210,7 @@ impl MaterialTable {
                 let facets = Facets { model: self.facets().unwrap_or_default(), alpha };
                 return Ok(Look::dielectric(indices, facets, transmittance));
             }
-            MaterialKind::ThinDielectric => return Ok(Look::sheet(eta, self.glazing(eta)?)),
+            MaterialKind::ThinDielectric => Bsdf::ThinDielectric(self.glazing(eta)?),
             MaterialKind::Boundary => return Ok(Look::sheet(1.0, Rgb::ONE)),
             MaterialKind::Metal => Bsdf::Conductor(self.conductor(alpha)?),
             MaterialKind::Plastic => Bsdf::Plastic(self.plastic(albedo, eta, alpha)),
@@ -369,25 +371,29 @@ impl MaterialTable {
         texture.map(Some).map_err(|error| (error, key.span().start))
     }
 
-    /// The factor on light that goes straight through a sheet of this relative index, from its own
-    /// key, or from the share that passes at normal incidence.
-    fn glazing(&self, eta: f32) -> Result<Rgb, Misplaced> {
+    /// A sheet of this relative index, by the factor on light that goes straight through it, by the
+    /// share that passes at normal incidence, or by that which is left after crossing it.
+    fn glazing(&self, eta: f32) -> Result<ThinDielectric, Misplaced> {
+        let clear_sheet = ThinDielectric::new(eta);
+        let internal = rgb(&self.internal_transmittance).unwrap_or(Rgb::ONE);
         let Some(visible) = &self.visible_transmittance else {
-            return Ok(rgb(&self.transmittance).unwrap_or(Rgb::ONE));
+            let transmittance = rgb(&self.transmittance).unwrap_or(Rgb::ONE);
+            return Ok(ThinDielectric { transmittance, internal, ..clear_sheet });
         };
         let start = visible.span().start;
-        if self.transmittance.is_some() {
-            let problem = "the sheet has both `transmittance` and `visible_transmittance`";
-            return Err((Error::new(problem, "remove one of them"), start));
+        if self.transmittance.is_some() || self.internal_transmittance.is_some() {
+            let problem = "the transmittance of the sheet is described twice";
+            let advice = "give `visible_transmittance` alone";
+            return Err((Error::new(problem, advice), start));
         }
-        let [clear, _] = ThinDielectric::new(eta).shares(1.0);
+        let [clear, _] = clear_sheet.shares(1.0);
         let factor = visible.get_ref().0 / clear;
         if factor.max_element() > 1.0 + ROUNDING {
             let most = clear.max_element();
             let problem = format!("clear glass of this index transmits {most:.3}");
             return Err((Error::new(problem, "give less, or another `ior`"), start));
         }
-        Ok(factor.min(Rgb::ONE))
+        Ok(ThinDielectric { transmittance: factor.min(Rgb::ONE), ..clear_sheet })
     }
 
     /// Refuses keys of other types.
@@ -401,7 +407,7 @@ impl MaterialTable {
         let given = starts!(self:
             albedo albedo_texture two_sided reflectance reflectance_texture
             transmittance_texture metal eta k ior outside_ior roughness alpha
-            facets tint nonlinear transmittance visible_transmittance metallic anisotropic transmission specular_tint sheen
+            facets tint nonlinear transmittance visible_transmittance internal_transmittance metallic anisotropic transmission specular_tint sheen
             sheen_tint flatness clearcoat clearcoat_gloss metallic_roughness_texture file up
             interior exterior);
         let (kind, keys) = self.kind().keys();
