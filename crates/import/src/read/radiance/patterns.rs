@@ -110,9 +110,8 @@ fn names_of(own: &Primitive) -> Option<(&[String], &[String])> {
 
 /// The transform at the end of the words of a pattern.
 fn transform(own: &Primitive, words: &[String]) -> Result<DAffine3> {
-    let (mut words, mut transforms) = (words.to_vec().into_iter(), Transforms::default());
-    while transforms.take(&mut words)? {}
-    match (words.next(), &transforms.placements()?[..]) {
+    let (transforms, other) = Transforms::of(words)?;
+    match (other, &transforms.placements()?[..]) {
         (None, [map]) => Ok(*map),
         (Some(word), _) => {
             Err(own.error(&format!("has the word `{word}` in its transform"), "leave it out"))
