@@ -1,4 +1,4 @@
-//! Commands of files: `xform`, `genbox` and `genprism`, which are done here, one after another or in
+//! Commands of files: `xform`, `genbox` and `genprism`. They are done here, one after another or in
 //! a pipe.
 
 use super::generators::{Generated, genbox, genprism};
