@@ -1,4 +1,4 @@
-//! Binary files of Radiance: octrees (`.oct`) and meshes (`.rtm`), with the scene that both contain.
+//! Binary files of Radiance: octrees (`.oct`) and meshes (`.rtm`), with the scene in both.
 //!
 //! A header in text, a number that states the width of indices, the cube, an octree of indices, and
 //! primitives whose modifiers are numbers of earlier ones. Integers are big-endian. The octree is

@@ -97,8 +97,6 @@ pub fn genprism(words: std::vec::IntoIter<String>) -> Result<Generated> {
         let advice = "give a vector with a third number that is not 0";
         return Err(Error::new("the length of `genprism` is in the plane of its corners", advice));
     }
-    let bottom = |corner: usize| [corners[corner][0], corners[corner][1], 0.0];
-    let top = |corner: usize| [0, 1, 2].map(|axis| bottom(corner)[axis] + length[axis]);
     let polygon = |points: Vec<[f64; 3]>| Primitive {
         modifier: modifier.clone(),
         kind: "polygon".into(),
@@ -106,16 +104,30 @@ pub fn genprism(words: std::vec::IntoIter<String>) -> Result<Generated> {
         numbers: points.into_flattened(),
         ..Primitive::default()
     };
+    let faces = prism(&corners, length, has_ends, is_closed);
+    Ok((faces.into_iter().map(polygon).collect(), notes))
+}
+
+/// The faces of a prism from these corners along a vector, with its ends and its last side.
+fn prism(
+    corners: &[[f64; 2]],
+    length: [f64; 3],
+    has_ends: bool,
+    is_closed: bool,
+) -> Vec<Vec<[f64; 3]>> {
+    let count = corners.len();
+    let bottom = |corner: usize| [corners[corner][0], corners[corner][1], 0.0];
+    let top = |corner: usize| [0, 1, 2].map(|axis| bottom(corner)[axis] + length[axis]);
     let mut all = Vec::new();
     if has_ends {
-        all.push(polygon((0..count).map(bottom).collect()));
-        all.push(polygon((0..count).rev().map(top).collect()));
+        all.push((0..count).map(bottom).collect());
+        all.push((0..count).rev().map(top).collect());
     }
     for corner in 0..if is_closed { count } else { count - 1 } {
         let next = (corner + 1) % count;
-        all.push(polygon(vec![bottom(corner), top(corner), top(next), bottom(next)]));
+        all.push(vec![bottom(corner), top(corner), top(next), bottom(next)]);
     }
-    Ok((all, notes))
+    all
 }
 
 #[cfg(test)]

@@ -66,10 +66,8 @@ fn arguments(own: &Primitive) -> Result<(&str, DAffine3)> {
     let Some((file, words)) = own.words.split_first() else {
         return Err(own.error("names no file", "give the name of a file, then options of xform"));
     };
-    let own: Vec<String> = words.into();
-    let (mut words, mut transforms) = (own.into_iter(), Transforms::default());
-    while transforms.take(&mut words)? {}
-    match (words.next(), &transforms.placements()?[..]) {
+    let (transforms, other) = Transforms::of(words)?;
+    match (other, &transforms.placements()?[..]) {
         (None, [map]) => Ok((file, *map)),
         (Some(word), _) => {
             let problem = format!("has the word `{word}`");

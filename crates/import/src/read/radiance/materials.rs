@@ -248,17 +248,7 @@ impl Materials {
                     }
                 }
             }
-            "light" | "glow" | "illum" | "spotlight" => {
-                let [r, g, b] = own.at_least()?;
-                let mut look = Look::new(Bsdf::diffuse(Rgb::ZERO));
-                // They are seen, but shine on nothing.
-                if own.kind == "glow" && own.numbers.get(3).is_some_and(|radius| *radius < 0.0) {
-                    warnings.skipped("black instead of a glow of a negative radius:", &own.name);
-                    return Ok(look);
-                }
-                let _ = look.emit(Paint::plain(emitted([r, g, b].map(|own| own.max(0.0)))));
-                look
-            }
+            "light" | "glow" | "illum" | "spotlight" => glowing(own, warnings)?,
             "mist" | "antimatter" => {
                 warnings.skipped("left out the surfaces of", &format!("{} {}", own.kind, own.name));
                 invisible()
@@ -269,6 +259,19 @@ impl Materials {
             }
         })
     }
+}
+
+/// A black surface that emits.
+fn glowing(own: &Primitive, warnings: &mut GroupedWarnings) -> Result<Look> {
+    let [r, g, b] = own.at_least()?;
+    let mut look = Look::new(Bsdf::diffuse(Rgb::ZERO));
+    // They are seen, but shine on nothing.
+    if own.kind == "glow" && own.numbers.get(3).is_some_and(|radius| *radius < 0.0) {
+        warnings.skipped("black instead of a glow of a negative radius:", &own.name);
+        return Ok(look);
+    }
+    let _ = look.emit(Paint::plain(emitted([r, g, b].map(|own| own.max(0.0)))));
+    Ok(look)
 }
 
 fn undefined(name: &str, of: &Primitive) -> Error {

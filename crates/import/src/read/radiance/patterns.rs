@@ -110,10 +110,8 @@ fn names_of(own: &Primitive) -> Option<(&[String], &[String])> {
 
 /// The transform at the end of the words of a pattern.
 fn transform(own: &Primitive, words: &[String]) -> Result<DAffine3> {
-    let own: Vec<String> = words.into();
-    let (mut words, mut transforms) = (own.into_iter(), Transforms::default());
-    while transforms.take(&mut words)? {}
-    match (words.next(), &transforms.placements()?[..]) {
+    let (transforms, other) = Transforms::of(words)?;
+    match (other, &transforms.placements()?[..]) {
         (None, [map]) => Ok(*map),
         (Some(word), _) => {
             Err(own.error(&format!("has the word `{word}` in its transform"), "leave it out"))

@@ -30,6 +30,16 @@ impl Default for Transforms {
 }
 
 impl Transforms {
+    /// The transforms that words begin with, and the first word that is none.
+    ///
+    /// # Errors
+    /// If a number is missing or malformed.
+    pub fn of(words: &[String]) -> Result<(Self, Option<String>)> {
+        let (mut words, mut own) = (Vec::from(words).into_iter(), Self::default());
+        while own.take(&mut words)? {}
+        Ok((own, words.next()))
+    }
+
     /// Takes an option and its numbers from the front of `words`. Returns false for other words.
     ///
     /// # Errors
