@@ -6,7 +6,7 @@
     VENV/bin/python scripts/radiance_scenes.py [--time 20] [SCENE.rad=POINTS.pts ...]
 
 Without scenes: rooms that it writes, with lamps, with glass, with a translucent ceiling, below five skies of gensky and
-gendaylit. `rtrace` takes random samples without an irradiance cache (-aa 0), 20 bounces (-ab), in so many runs that
+gendaylit, and with a venetian blind as a BSDF of Klems patches, which genBSDF makes of its slats. `rtrace` takes random samples without an irradiance cache (-aa 0), 20 bounces (-ab), in so many runs that
 its mean has an error. For each scene: the mean ratio over the points, and the root mean square of z, the difference
 over both uncertainties. The program is target/release/bdpm, or the one that the environment variable BDPM names.
 """
@@ -49,6 +49,8 @@ LAMP = """void light lamp 0 0 3 60 60 60
 """
 PANEL = "lamp polygon panel 0 0 12 0 0 2.9 0 .6 2.9 1 .6 2.9 1 0 2.9\n"
 PANE = "void glass pane 0 0 3 .96 .96 .96\npane polygon window 0 0 12 .5 0 .9 3.5 0 .9 3.5 0 2.4 .5 0 2.4\n"
+# Its front faces the room.
+BLIND = "void BSDF blind 6 0 blind.xml 0 0 1 . 0 0\nblind polygon window 0 0 12 .5 0 .9 .5 0 2.4 3.5 0 2.4 3.5 0 .9\n"
 CLOTH = """void trans cloth 0 0 7 .8 .8 .8 0 0 .6 0
 cloth polygon under 0 0 12 .05 .05 2.6 3.95 .05 2.6 3.95 5.95 2.6 .05 5.95 2.6
 """
@@ -102,14 +104,29 @@ def by_bdpm(scene, points, seconds):
     return numpy.array([own["value"] for own in values]), 0.5 * numpy.array([own["expanded"] for own in values])
 
 
+def blind(folder):
+    """The BSDF file of slats of 5 cm, tilted by 30 degrees."""
+    os.environ["PATH"] = f"{FOLDER / 'bin'}:{os.environ['PATH']}"
+    os.environ.setdefault("RAYPATH", f".:{FOLDER / 'lib'}")
+    slats = pyradiance.BlindsGeometry(depth=0.05, width=1, height=1, nslats=20, angle=30)
+    paint = pyradiance.ShadingMaterial(diffuse_reflectance=0.6)
+    geometry = folder / "slats.rad"
+    geometry.write_bytes(pyradiance.generate_blinds_for_bsdf(paint, slats))
+    scattered = pyradiance.generate_bsdf(str(geometry), nsamp=1000, dim=pyradiance.genbsdf.SamplingBox(0.2, 0.8, 0.2, 0.8, -0.05, 0))
+    (folder / "blind.xml").write_bytes(pyradiance.generate_xml(vis_results=scattered))
+
+
 def scenes(folder):
     """Files of the rooms, with their points."""
     (folder / "lamp.rad").write_text("void light lamp 0 0 3 60 60 60\n" + PANEL)
+    blind(folder)
     all = {"lamps": CLOSED + LAMP, "lamps above cloth": CLOSED + LAMP + CLOTH}
     for name, command in SKIES.items():
         sky = run([*command, "-a", "48", "-o", "-9", "-m", "-15"]).decode()
         # South is toward -y.
         all[name] = OPEN + sky + DOME
+        if name in ("gensky -c", "gensky +s"):
+            all[name + ", blind"] = OPEN + BLIND + sky + DOME
         if name in ("gensky -c", "gensky +s"):
             all[name + ", pane"] = OPEN + PANE + sky + DOME
     for name, text in all.items():

@@ -515,7 +515,7 @@ def daylight(
     ground: float = 0.2,
     division: int = 2,
     autonomy: float = 300.0,
-    occupied: tuple[float, float] = (8.0, 18.0),
+    occupied: tuple[float, float] = ...,
     seed: int = 0,
     threads: int | None = None,
     accel: Literal["embree", "bvh"] | None = None,
