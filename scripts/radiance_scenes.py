@@ -112,7 +112,7 @@ def blind(folder):
     paint = pyradiance.ShadingMaterial(diffuse_reflectance=0.6)
     geometry = folder / "slats.rad"
     geometry.write_bytes(pyradiance.generate_blinds_for_bsdf(paint, slats))
-    scattered = pyradiance.generate_bsdf(str(geometry), nsamp=1000, dim=pyradiance.genbsdf.SamplingBox(0.2, 0.8, 0.2, 0.8, -0.05, 0))
+    scattered = pyradiance.generate_bsdf(str(geometry), nsamp=200, nproc=2, dim=pyradiance.genbsdf.SamplingBox(0.2, 0.8, 0.2, 0.8, -0.05, 0))
     (folder / "blind.xml").write_bytes(pyradiance.generate_xml(vis_results=scattered))
 
 
