@@ -32,6 +32,8 @@ LEFT_OUT = ("IfcOpeningElement", "IfcSpace", "IfcAnnotation", "IfcGrid", "IfcVir
 GLASS = 0.3
 # Reflectances of materials without a color, and the range of those with one.
 DEFAULT, DARKEST, BRIGHTEST = 0.5, 0.03, 0.85
+# Least side of a grid of meters, m.
+LEAST = 0.3
 
 
 def arguments():
@@ -152,7 +154,7 @@ def rooms(model, settings, own):
         places = corners(geometry)
         low, high = [[pick(place[axis] for place in places) for axis in range(3)] for pick in (min, max)]
         size = [high[axis] - low[axis] - 2 * own.border for axis in (0, 2)]
-        if min(size) <= 0 or high[1] - low[1] <= own.height:
+        if min(size) < LEAST or high[1] - low[1] <= own.height:
             print(f"note: the room {element.Name} is too small for meters", file=sys.stderr)
             continue
         number += 1

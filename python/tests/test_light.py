@@ -63,7 +63,8 @@ def test_daylight_of_a_year_in_the_open(tmp_path: Path) -> None:
     weather.write_text("\n".join(header + hours) + "\n")
     plane = {"name": "plane", "corner": (-0.5, 0, -0.5), "edges": ((1, 0, 0), (0, 0, 1)), "normal": (0, 1, 0)}
     meters = [plane | {"columns": 3, "rows": 2}]
-    year = bdpm.daylight(floor(), weather, meters=meters, paths=2000, accel="bvh")
+    scene = floor(environment={"radiance": 1})
+    year = bdpm.daylight(scene, weather, meters=meters, paths=2000, accel="bvh")
     (own,) = year.meters
     assert (year.occupied_hours, own.name) == (10, "plane") and year.paths >= 2000
     assert own.autonomy.shape == (2, 3) and own.useful.shape == (2, 3, 4) and own.by_month.shape == (12, 24)
@@ -73,10 +74,10 @@ def test_daylight_of_a_year_in_the_open(tmp_path: Path) -> None:
     mean, expanded = own.mean
     assert abs(own.illuminance.mean() - mean) < 1e-6 * mean and 0 < expanded < 0.05 * mean
     assert own.by_month[5, 1] == 0 and own.by_month[5, 12] > 30_000
-    again = bdpm.daylight(floor(), weather, meters=meters, paths=2000, accel="bvh", threads=1)
+    again = bdpm.daylight(scene, weather, meters=meters, paths=2000, accel="bvh", threads=1)
     np.testing.assert_array_equal(own.illuminance, again.meters[0].illuminance)
     with pytest.raises(bdpm.Error, match="o'clock"):
-        bdpm.daylight(floor(), weather, meters=meters, paths=2000, occupied=(18, 8))
+        bdpm.daylight(scene, weather, meters=meters, paths=2000, occupied=(18, 8))
 
 
 def test_meters_that_are_not_valid_name_the_table() -> None:

@@ -20,9 +20,10 @@ use std::path::Path;
 /// same width for all, with the scale beside them.
 const STYLE: &str = "img{image-rendering:pixelated}\
     .picture{display:flex;flex-wrap:wrap;gap:.5rem 1.5rem;align-items:center}\
-    .picture .pixels{flex:0 1 26rem}.picture .pixels img{width:100%;height:auto}\
+    .picture .pixels{flex:0 1 26rem}.picture .pixels img{width:100%;height:auto;max-height:30rem;object-fit:contain;\
+    object-position:left}\
     .picture .scale{flex:0 1 16rem}.picture figcaption{flex:0 0 100%}\
-    .lines svg{width:100%;max-width:36rem;height:auto}.points td{line-height:1.2}\
+    .lines svg{width:100%;max-width:36rem;height:auto;max-height:36rem}.points td{line-height:1.2}\
     code{overflow-wrap:anywhere}.files code{font-size:.8em}\
     .signature{margin-top:3rem}.signature span{display:inline-block;width:60%;border-bottom:1px solid}\
     @media print{h2,figure,tr{break-inside:avoid}h2{break-after:avoid}.scroll{overflow:visible}\
