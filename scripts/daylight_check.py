@@ -5,7 +5,8 @@
     VENV/bin/python scripts/daylight_check.py WEATHER.epw [WEATHER.epw ...]
     VENV/bin/python scripts/daylight_check.py --coverage WEATHER.epw    # 40 seeds beside a long run
 
-Three rooms with windows to the south, the east, and through a pane of glass. Radiance: `rfluxmtx` with the sky of MF:2,
+Five rooms with windows to the south, the east, through a pane of glass, below an overhang, and behind a venetian blind as
+a BSDF of Klems patches. Radiance: `rfluxmtx` with the sky of MF:2,
 ground included, and `gendaymtx -m 2 -O0`; both programs make lux of irradiances by the efficacies of Perez. The matrices
 smear the sun over the nearest patches, so that single hours differ. Columns: mean illuminance of the occupied hours by
 both, bdpm over Radiance, the half-width of bdpm's interval; autonomy at 300 lx, mean over the points by both, its
@@ -23,6 +24,7 @@ from pathlib import Path
 
 import numpy as np
 import pyradiance
+from radiance_scenes import blind
 
 FOLDER = Path(pyradiance.__file__).parent
 ROOT = Path(__file__).resolve().parent.parent
@@ -101,6 +103,8 @@ def by_bdpm(folder, quads, size, weather, options=("--time", f"{SECONDS}s")):
         text += f"[materials.{name}]\nalbedo = {albedo}\n"
     if any(material == "glass" for material, _ in quads):
         text += '[materials.glass]\ntype = "thin-dielectric"\nior = 1.52\n'
+    if any(material == "blind" for material, _ in quads):
+        text += '[materials.blind]\ntype = "klems"\nfile = "blind.xml"\n'
     (folder / "scene.toml").write_text(text)
     rows = [f"{i},{x},{z},{-y},0,1,0" for i, (x, y, z) in enumerate(points(size))]
     (folder / "meters.csv").write_text("name,x,y,z,nx,ny,nz\n" + "\n".join(rows) + "\n")
@@ -140,6 +144,8 @@ def by_radiance(folder, quads, size, weather):
         text += f"void plastic {name}\n0\n0\n5 {albedo} {albedo} {albedo} 0 0\n"
     # The transmissivity of 6 mm of clear glass without absorption is 1 in the model of Radiance.
     text += "void glass glass\n0\n0\n4 1 1 1 1.52\n"
+    if any(material == "blind" for material, _ in quads):
+        text += "void BSDF blind\n6 0 blind.xml 0 0 1 .\n0\n0\n"
     for number, (material, corners) in enumerate(quads):
         text += f"{material} polygon p{number}\n0\n0\n12 " + " ".join(f"{c:.9g}" for own in corners for c in own) + "\n"
     (folder / "room.rad").write_text(text)
@@ -182,12 +188,18 @@ def main():
     print("|---|---|---|---|---|---|---|---|---|---|---|", flush=True)
     for weather in sys.argv[1:]:
         weather = Path(weather).resolve()
-        for name in ("south", "east", "south, glass"):
+        for name in ("south", "east", "south, glass", "south, overhang", "south, blind"):
             quads, window, size = room(name.split(",")[0])
             if "glass" in name:
                 quads.append(quad("glass", *window))
+            if "overhang" in name:
+                quads.append(quad("wall", (0, -1.5, 2.5), (0, 1.5, 0), (4, 0, 0)))
+            if "blind" in name:
+                quads.append(quad("blind", *window))
             with tempfile.TemporaryDirectory() as path:
                 folder = Path(path)
+                if "blind" in name:
+                    blind(folder)
                 mean, width, autonomy, share, seconds = by_bdpm(folder, quads, size, weather)
                 other, other_autonomy, other_seconds = by_radiance(folder, quads, size, weather)
             ratio, error = mean.sum() / other.sum(), np.sqrt((width**2).sum()) / mean.sum()
