@@ -129,13 +129,14 @@ fn measure(args: &Args, input: &SceneInput) -> Result<RenderResult> {
     let default = time.is_none().then_some(DEFAULT_ITERATIONS);
     let iterations = args.iterations.or(default);
     let stop = Stop { iterations, time, objective: Objective::Pooled, ..Stop::default() };
+    let settings = &args.session.scene.settings;
     let mut progress = Progress::new(args.session.progress_format());
     let job = input
         .job(&args.session)
         .measure_always(args.estimator)
         .at_least(MIN_ITERATIONS)
         // The terms do not depend on the counts.
-        .fewer_camera_paths(args.session.scene.settings.camera_paths.is_none())
+        .fewer_paths(settings.light_paths.is_none(), settings.camera_paths.is_none())
         .stop(stop)
         .interrupted_by(catch_interrupts(progress.clone())?);
     let result = job.run(|event| {

@@ -44,7 +44,7 @@ impl RenderJob {
             reserve_per_pixel: Duration::ZERO,
             started: None,
             min_iterations: 1,
-            fewer_camera_paths: false,
+            fewer_paths: [false; 2],
             schedule: MeasureSchedule::default(),
             pixel_noise: false,
             aovs: AovSelection::default(),
@@ -155,11 +155,11 @@ impl RenderJob {
         Self { min_iterations: iterations, ..self }
     }
 
-    /// Renders with fewer camera paths than the settings have, where its fewest iterations would
-    /// not fit in the time.
+    /// Renders with fewer light paths, or fewer camera paths, than the settings have, where its
+    /// fewest iterations would not fit in the time.
     #[must_use]
-    pub fn fewer_camera_paths(self, fewer: bool) -> Self {
-        Self { fewer_camera_paths: fewer, ..self }
+    pub fn fewer_paths(self, light: bool, camera: bool) -> Self {
+        Self { fewer_paths: [light, camera], ..self }
     }
 
     /// Accumulates these layers beside the image.

@@ -120,7 +120,7 @@ pub struct RenderJob {
     reserve_per_pixel: Duration,
     started: Option<Instant>,
     min_iterations: u64,
-    fewer_camera_paths: bool, // where the time is too short for those of the settings
+    fewer_paths: [bool; 2], // of light and camera, where the time is too short for those of the settings
     schedule: MeasureSchedule,
     pixel_noise: bool,
     aovs: AovSelection,

@@ -26,26 +26,43 @@ const MEASURED: f64 = 2.5;
 /// Minimum number of camera paths of which pairs exist.
 const LEAST_CAMERA_PATHS: u32 = 2;
 
+/// Light paths that are not halved further.
+const LEAST_LIGHT_PATHS: u32 = 2000;
+
 impl RenderJob {
-    /// The settings, if they may not have fewer camera paths. Else with as many of them, up to
-    /// their own number, as let the fewest iterations fit in the time.
+    /// The settings with as many of the paths that may be fewer as let the fewest iterations fit in
+    /// the time: camera paths first, then light paths.
     pub(super) fn fitting(
         &self,
         scene: &Arc<Scene>,
         accel: &Arc<dyn Intersect>,
         settings: Settings,
     ) -> Result<Settings> {
-        let Some(time) = self.stop.time.filter(|_| self.fewer_camera_paths) else {
+        let [fewer_light, fewer_camera] = self.fewer_paths;
+        let Some(time) = self.stop.time.filter(|_| fewer_light || fewer_camera) else {
             return Ok(settings);
         };
         let times = time_probe::min_times(scene, accel, &settings)?;
-        let fits = |camera_paths: &u32| {
-            let one = times.iteration(settings.light_paths.into(), f64::from(*camera_paths));
+        let fits = |light_paths: u32, camera_paths: u32| {
+            let one = times.iteration(light_paths.into(), f64::from(camera_paths));
             self.min_iterations as f64 * MEASURED * one <= time.as_secs_f64()
         };
-        let least = LEAST_CAMERA_PATHS.min(settings.camera_paths);
-        let camera_paths = (least..=settings.camera_paths).rev().find(fits).unwrap_or(least);
-        Ok(Settings { camera_paths, ..settings })
+        let Settings { mut light_paths, mut camera_paths, .. } = settings;
+        if fewer_camera {
+            let least = LEAST_CAMERA_PATHS.min(camera_paths);
+            let fitting = (least..=camera_paths).rev().find(|own| fits(light_paths, *own));
+            camera_paths = fitting.unwrap_or(least);
+        }
+        let allowed = settings.allowed_light_paths(light_paths);
+        while fewer_light && light_paths > LEAST_LIGHT_PATHS && !fits(light_paths, camera_paths) {
+            // Sets of light paths have a least number.
+            let fewer = allowed.at_most(light_paths / 2);
+            if fewer == light_paths {
+                break;
+            }
+            light_paths = fewer;
+        }
+        Ok(Settings { light_paths, camera_paths, ..settings })
     }
 }
 
