@@ -91,7 +91,11 @@ fn surfaces(record: &Record) -> Markup {
             }
         }
     };
-    table("surfaces", &html! { "Surfaces, with the share of white light that they reflect" }, &rows)
+    table(
+        "surfaces",
+        &html! { "Surfaces, with the share of white light straight on that they reflect" },
+        &rows,
+    )
 }
 
 fn files(record: &Record) -> Markup {

@@ -41,6 +41,8 @@ pub enum Stream {
     Aim = 34,
     /// One stream per batch of camera paths of daylight coefficients.
     Daylight = 35,
+    /// Directions in which a surface reflects, for its reflectance.
+    Reflectance = 36,
 }
 
 /// Index of camera path `path` of `pixel` in the stream [`Stream::CameraPath`].
