@@ -81,7 +81,8 @@ impl DaylightSums {
         rng: &mut Rng,
     ) {
         let mut throughput = Rgb::splat(PI);
-        // The direction that connections with the sun take from the last surface, or from the meter.
+        // The direction that connections with the sun take from the last surface, or from the
+        // meter.
         let mut connected = ray.direction;
         for segment in 0u32.. {
             let hit = accel.closest_hit(&ray);

@@ -57,7 +57,7 @@ impl<'a> MaterialTables<'a> {
 /// The keys of a material without textures. The error is a property that scene files cannot
 /// represent.
 fn keys(material: &Material) -> std::result::Result<String, String> {
-    let mut text = match material.bsdf {
+    let text = match material.bsdf {
         Bsdf::Lambertian { albedo, two_sided } => {
             let sides = if two_sided { "" } else { "two_sided = false\n" };
             format!("type = \"lambertian\"\nalbedo = {}\n{sides}", color(albedo))
@@ -105,6 +105,12 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
             )
         }
     };
+    Ok(text + &surface(material))
+}
+
+/// The keys that materials of all types have.
+fn surface(material: &Material) -> String {
+    let mut text = String::new();
     if material.emission != Rgb::ZERO || material.emission_texture.is_some() {
         let _ = writeln!(text, "emission = {}", color(material.emission));
     }
@@ -117,7 +123,7 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
     if let Some(opacity) = material.opacity {
         let _ = writeln!(text, "opacity = {}", number(opacity));
     }
-    Ok(text)
+    text
 }
 
 /// The keys of a sheet that transmits diffusely. Factors of textures may have any sum, shares at

@@ -121,8 +121,8 @@ impl DaylightJob {
         Self { ground: reflectance, ..self }
     }
 
-    /// Divides each row of sky patches by 1, 2, 3 or 4: 145, 577, 1297 or 2305 patches [default: 2].
-    /// Light of the sky and reflected light of the sun are even within a patch.
+    /// Divides each row of sky patches by 1, 2, 3 or 4: 145, 577, 1297 or 2305 patches
+    /// [default: 2]. Light of the sky and reflected light of the sun are even within a patch.
     #[must_use]
     pub fn division(self, division: usize) -> Self {
         Self { division, ..self }

@@ -78,6 +78,22 @@ struct Request {
     options: Vec<(String, Vec<f64>)>,
 }
 
+impl Default for Request {
+    /// The place of the programs, without a time.
+    fn default() -> Self {
+        Self {
+            time: None,
+            is_solar_time: false,
+            angles: [0.0; 2],
+            latitude: 0.66f64.to_degrees(),
+            longitude: 2.13f64.to_degrees(),
+            meridian: 120.0,
+            ground: 0.2,
+            options: Vec::new(),
+        }
+    }
+}
+
 impl Request {
     /// The words after the name of a command. `valued` are options that have one number, `paired`
     /// those that have two, and `flags` those that have none.
@@ -95,16 +111,7 @@ impl Request {
             let given = words.get(index).and_then(|word| word.parse::<f64>().ok());
             given.filter(|own| own.is_finite()).ok_or_else(|| usage("a number that is missing"))
         };
-        let mut own = Self {
-            time: None,
-            is_solar_time: false,
-            angles: [0.0; 2],
-            latitude: 0.66f64.to_degrees(),
-            longitude: 2.13f64.to_degrees(),
-            meridian: 120.0,
-            ground: 0.2,
-            options: Vec::new(),
-        };
+        let mut own = Self::default();
         let mut has_zone = false;
         if words.first().is_some_and(|word| word == "-ang") {
             own.angles = [number(1)?.to_radians(), number(2)?.to_radians()];
