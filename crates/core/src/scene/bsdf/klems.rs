@@ -157,7 +157,7 @@ impl KlemsMatrices {
     ///
     /// # Errors
     /// If a matrix has not the square of the number of patches as finite values, all are missing,
-    /// or more than [`MAX_SCATTERED`] of the light from some direction is scattered.
+    /// or more than 1.05 of the light from some direction is scattered.
     pub fn new(basis: AngleBasis, values: [SideValues; 2]) -> Result<Self, String> {
         let patches = basis.patches();
         if values.iter().flatten().all(Option::is_none) {
