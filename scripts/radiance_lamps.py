@@ -9,26 +9,21 @@ Without files: those of tests/data. ies2rad converts each file, and the lamp han
 and turned. `rtrace -I+ -ab 0` divides the lamp finely (-ds .02 -dj 0). Radiance counts the light of cylinders by their
 largest projected area; for lamps with one, it hits a glow with 400,000 random rays instead (-ab 1). Spotlights have
 short directions, because the length lowers the light in Radiance. They are also compared with a sum over 400,000 points
-of the lamp, because rtrace does not divide lamps at the edge of a cone finely enough. For each lamp: the mean and range of the ratio of the
-illuminance at 16 points, and the largest half-width of the intervals of bdpm. The program is target/release/bdpm, or the
+of the lamp, because rtrace does not divide lamps at the edge of a cone finely enough. For each lamp: the mean and range
+of the ratio of the illuminance at 16 points, and the largest half-width of the intervals of bdpm. The program is target/release/bdpm, or the
 one that the environment variable BDPM names.
 """
 
 import argparse
 import json
-import os
 import re
-import subprocess
 import tempfile
 from pathlib import Path
 
 import numpy
-import pyradiance
+from radiance_scenes import BDPM, LUMENS, run
 
 ROOT = Path(__file__).resolve().parent.parent
-BDPM = os.environ.get("BDPM", str(ROOT / "target/release/bdpm"))
-FOLDER = Path(pyradiance.__file__).parent
-LUMENS = 179 * numpy.array([0.265, 0.670, 0.065])
 
 GROUND = "void plastic ground 0 0 5 0 0 0 0 0\nground polygon g 0 0 12 -9 -9 0 9 -9 0 9 9 0 -9 9 0\n"
 SPOTS = {
@@ -38,15 +33,6 @@ SPOTS = {
     "spotlight, ball": "7 500 500 500 70 2e-5 0 -1e-4|sphere lamp 0 0 4 0 0 0 .05",
 }
 POINTS = [(x, y, 0, 0, 0, 1) for x in (-1.1, -0.35, 0.4, 1.15) for y in (-0.9, -0.25, 0.3, 1.05)]
-
-
-def run(command, text=None, folder=None):
-    environment = dict(os.environ, RAYPATH=f".:{FOLDER / 'lib'}")
-    environment["PATH"] = f"{FOLDER / 'bin'}:{environment['PATH']}"
-    done = subprocess.run(command, input=text, capture_output=True, env=environment, cwd=folder)
-    if done.returncode != 0:
-        raise RuntimeError(f"{command[0]}: {done.stderr.decode(errors='replace').strip()}")
-    return done.stdout
 
 
 def by_radiance(scene):

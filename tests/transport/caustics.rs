@@ -136,10 +136,8 @@ fn noise_is_predicted_at_far_counts() {
         let settings = Settings { radius: 0.2, caustic_radius: 0.3, ..caustics(strategy, 8) };
         let settings = Settings { mis_scales, ..settings };
         let name = format!("{strategy:?}");
-        // Half of the iterations of `far_counts::assert_far_counts`, whose two standard errors are
-        // below .03.
-        Subject { name, scene, settings, few: 3000, iterations: 1250, quiet: 0.8, most: 0.043 }
-            .assert_far_counts(&[(20_000, 4, 200), (3000, 40, 300)]);
+        Subject { name, scene, settings, few: 3000, iterations: 2500, quiet: 0.8, most: 0.03 }
+            .assert_far_counts(&[(20_000, 4, 400), (3000, 40, 600)]);
     }
 }
 

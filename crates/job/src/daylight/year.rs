@@ -1,7 +1,7 @@
 //! The light of each hour of a year: luminances of the patches of the sky, and the sun.
 
 use bdpm_core::base::error::Result;
-use bdpm_light::sky::{LuminanceDistribution, SkyCondition, SkyPatches, eccentricity};
+use bdpm_light::sky::{LuminanceDistribution, SkyCondition, SkyPatches, day_of_year, eccentricity};
 use bdpm_light::weather::{Weather, WeatherHour};
 use glam::{DMat3, DVec3, Vec3};
 use std::collections::BTreeMap;
@@ -123,8 +123,7 @@ impl<'a> Year<'a> {
 }
 
 fn condition(hour: &WeatherHour, toward: DVec3) -> SkyCondition {
-    const DAYS: [u32; 12] = [0, 31, 59, 90, 120, 151, 181, 212, 243, 273, 304, 334];
-    let day = DAYS[(hour.month.clamp(1, 12) - 1) as usize] + hour.day;
+    let day = day_of_year(hour.month, hour.day);
     let own = SkyCondition::new([hour.diffuse, hour.direct], toward, eccentricity(day.into()));
     // Measured irradiances are means over an hour, which no single sky may have.
     let clearness = own.clearness.clamp(CLEARNESS[0], CLEARNESS[1]);

@@ -62,7 +62,8 @@ impl Measurement {
             let names = sets.zip(&own.open).filter(|(_, open)| **open > 0);
             let names: Vec<String> = names.map(|(set, _)| format!("`{}`", set.name)).collect();
             self.warnings.push(format!(
-                "{name}: not enough light seen by {open} of {} meters of {} ({}): few paths carry much of it, so that                  the interval is open above and holds less often than 95 %",
+                "{name}: not enough light seen by {open} of {} meters of {} ({}): few paths carry much of it, so that \
+                 the interval is open above and holds less often than 95 %",
                 own.readings.iter().map(|(readings, _)| readings.len()).sum::<usize>(),
                 quantity(own.kind),
                 list(&names)

@@ -12,7 +12,7 @@ pub use efficacy::SkyCondition;
 pub use hosek_wilkie::{HosekWilkie, LUMINOUS_WIDTH, cone, sun_irradiance};
 pub use luminance_distribution::LuminanceDistribution;
 pub use patches::SkyPatches;
-pub use sun_position::{PlaceAndTime, eccentricity};
+pub use sun_position::{PlaceAndTime, day_of_year, eccentricity};
 
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;

@@ -20,6 +20,15 @@ pub struct PlaceAndTime {
     pub hours: f64,
 }
 
+/// Days before each month of a year that is no leap year.
+const DAYS: [u32; 12] = [0, 31, 59, 90, 120, 151, 181, 212, 243, 273, 304, 334];
+
+/// Number of a day in a year that is no leap year, from 1. Months are counted from 1 and limited to
+/// 12.
+pub fn day_of_year(month: u32, day: u32) -> u32 {
+    DAYS[(month.clamp(1, 12) - 1) as usize] + day
+}
+
 /// Mean radius of the earth over an astronomical unit.
 const PARALLAX: f64 = 6371.01 / 149_597_890.0;
 

@@ -7,7 +7,7 @@
 use super::generators::Generated;
 use super::tokens::Primitive;
 use bdpm_core::base::error::{Error, Result};
-use bdpm_light::sky::{LuminanceDistribution, SkyCondition, eccentricity};
+use bdpm_light::sky::{LuminanceDistribution, SkyCondition, day_of_year, eccentricity};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
@@ -58,9 +58,6 @@ const ZONES: [(&str, f64); 20] = [
     ("NZST", -180.0),
     ("NZDT", -195.0),
 ];
-
-/// Days before each month.
-const DAYS: [u32; 12] = [0, 31, 59, 90, 120, 151, 181, 212, 243, 273, 304, 334];
 
 /// When and where, and what else the commands have in common.
 struct Request {
@@ -124,7 +121,7 @@ impl Request {
             let (hour, zone) = hour(word).ok_or_else(|| usage("no hour"))?;
             own.is_solar_time = word.starts_with('+');
             (own.meridian, has_zone) = (zone.unwrap_or(own.meridian), zone.is_some());
-            own.time = Some((f64::from(DAYS[month as usize - 1]) + day.floor(), hour));
+            own.time = Some((f64::from(day_of_year(month as u32, day as u32)), hour));
         }
         let mut at = 3;
         while let Some(word) = words.get(at) {

@@ -9,7 +9,7 @@ use bdpm_core::scene::Environment;
 use bdpm_core::settings::FixedArray;
 use bdpm_light::sky::{
     HosekWilkie, LUMINOUS_WIDTH, LuminanceDistribution, PlaceAndTime, SUN_HALF_ANGLE, Sky,
-    SkyCondition, SkyModel, SunDisc, cone, eccentricity, sun_irradiance,
+    SkyCondition, SkyModel, SunDisc, cone, day_of_year, eccentricity, sun_irradiance,
 };
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
@@ -171,9 +171,8 @@ impl SkyTable {
 
     /// Squared ratio of the mean distance to the sun to that on the date; 1 without a date.
     fn eccentricity(&self) -> f64 {
-        const DAYS: [i32; 12] = [0, 31, 59, 90, 120, 151, 181, 212, 243, 273, 304, 334];
         self.date.map_or(1.0, |FixedArray([_, month, day])| {
-            eccentricity(f64::from(DAYS[(month - 1) as usize] + day))
+            eccentricity(day_of_year(month as u32, day as u32).into())
         })
     }
 
