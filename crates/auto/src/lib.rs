@@ -6,5 +6,7 @@
 
 pub mod timing;
 pub mod adaptive;
+#[cfg(test)]
+mod test_scene;
 
 pub use adaptive::stopping::Stop;

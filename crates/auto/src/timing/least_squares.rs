@@ -38,6 +38,20 @@ pub fn independent(columns: &[Vec<f64>]) -> Vec<usize> {
     kept
 }
 
+/// Fits `values` by combinations of columns that are not negative: least squares of deviations.
+/// `None` for columns that are a combination of those before them.
+pub fn not_negative_parts<const N: usize>(
+    columns: [Vec<f64>; N],
+    values: &[f64],
+) -> [Option<f64>; N] {
+    let kept = independent(&columns);
+    let used: Vec<&[f64]> = kept.iter().map(|&index| &columns[index][..]).collect();
+    let (fitted, _) = not_negative(&used, &vec![1.0; values.len()], values);
+    let mut parts = [None; N];
+    kept.into_iter().zip(fitted).for_each(|(index, part)| parts[index] = Some(part));
+    parts
+}
+
 /// Fits the samples' times by combinations of independent columns; deviations of the model are
 /// relative to `scales`, seconds.
 pub fn least_squares(columns: &[&[f64]], samples: &[TimeSample], scales: &[f64]) -> Solution {

@@ -10,7 +10,7 @@ pub mod calibrate;
 pub mod criterion;
 pub mod file;
 pub mod fit;
-mod least_squares;
+pub(crate) mod least_squares;
 pub mod measure;
 pub mod setup;
 

@@ -286,9 +286,8 @@ impl Convergence {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_scene::TestScene;
     use bdpm_core::noise::Measure;
-    use bdpm_core::render::Renderer;
-    use bdpm_core::scene::backend::{Backend, build};
     use bdpm_core::settings::Settings;
     use std::time::Duration;
 
@@ -321,16 +320,13 @@ mod tests {
     /// The variance of one iteration, by its own pairs and by the samples of many.
     #[test]
     fn one_iteration_knows_its_noise() {
-        let loaded =
-            bdpm_load::load(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/cornell-box"));
-        let loaded = loaded.unwrap();
-        let own = Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
-        let counts = Settings { light_paths: 2000, camera_paths: 3, ..own.unwrap() };
-        let accel = build(Backend::Bvh, &loaded.scene).unwrap();
+        let scene = TestScene::new("cornell-box", [24, 18]);
         let ones = vec![1.0; 24 * 18];
         let variance = |seed, iterations| {
-            let own = Settings { width: 24, height: 18, seed, sobol_set: 1, ..counts.clone() };
-            let mut renderer = Renderer::new(&loaded.scene, &accel, own).unwrap();
+            let (light_paths, camera_paths, sobol_set) = (2000, 3, 1);
+            let own = scene.settings.clone();
+            let own = Settings { light_paths, camera_paths, seed, sobol_set, ..own };
+            let mut renderer = scene.renderer(&own);
             for number in 0..iterations {
                 let measure = if number == 0 { Measure::Pairs } else { Measure::Off };
                 renderer.iterate(measure);

@@ -98,23 +98,18 @@ mod tests {
     use crate::adaptive::technique::model::{ImageScale, Model};
     use crate::adaptive::technique::trial_runner::TrialRunner;
     use crate::adaptive::technique::{FreeParameters, Technique};
+    use crate::test_scene::TestScene;
     use bdpm_core::noise::Coefficients;
-    use bdpm_core::render::Renderer;
-    use bdpm_core::scene::backend::{Backend, build};
     use bdpm_core::settings::{Settings, Strategy};
-    use bdpm_load::load;
 
     /// Finalists of `scenes/keyhole` with these variances of a camera path.
     fn finalists(of: &[(Strategy, f64, bool)]) -> (Vec<Finalist>, CandidateCost) {
-        let loaded = load(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/keyhole")).unwrap();
-        let own = Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
-        let own = Settings { width: 32, height: 24, ..own.unwrap() };
-        let accel = build(Backend::Bvh, &loaded.scene).unwrap();
+        let scene = TestScene::new("keyhole", [32, 24]);
         let open = FreeParameters { strategy: true, ..FreeParameters::NONE };
         let demand = CandidateCost { open, ..demand(End::Time(10.0)) };
         let finalist = |&(strategy, b, tried): &(Strategy, f64, bool)| {
-            let own = Settings { strategy, ..own.clone() };
-            let renderer = Renderer::new(&loaded.scene, &accel, own.clone()).unwrap();
+            let own = Settings { strategy, ..scene.settings.clone() };
+            let renderer = scene.renderer(&own);
             let mut runner = TrialRunner::new(&renderer, 0.0).unwrap();
             let scale = ImageScale { width: own.width, footprint: runner.footprint };
             let trial = runner.trial(&own, None, 0.0).unwrap();

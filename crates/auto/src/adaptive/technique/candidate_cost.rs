@@ -358,6 +358,17 @@ pub mod tests {
     use super::*;
     use crate::adaptive::count_choice::MIN_ITERATIONS_AFTER_CHOICE;
     use crate::adaptive::technique::start_up::tests::constant;
+    use bdpm_core::settings::{Direct, Kernel, Strategy};
+
+    /// Merging at vertex 1.
+    pub const MERGING: Technique = Technique {
+        strategy: Strategy::Single,
+        merge_vertex: 1,
+        direct: Direct::Connect,
+        kernel: Kernel::Area,
+        splitting: 1,
+        medium_query: None,
+    };
 
     /// Times of an iteration for the tests of this folder.
     pub fn times() -> TimeModel {

@@ -12,7 +12,7 @@ use bdpm_core::settings::{Direct, MediumQuery, Settings, Strategy};
 const DENSE: f32 = 4.0;
 
 /// Properties of a scene that decide about candidates.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct SceneTraits {
     /// Camera paths cannot find all light, or hardly: light sources that no ray can hit, or a sun
     /// in a map, may show in mirrors or through glass.
@@ -132,38 +132,34 @@ impl Technique {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bdpm_core::scene::backend::{Backend, build};
-    use bdpm_load::load;
+    use crate::test_scene::TestScene;
+    use std::path::Path;
 
     fn settings() -> Settings {
         Settings::resolve(&Default::default(), &Default::default(), 1.0).unwrap()
     }
 
+    /// Strategies that are tried in this scene.
+    fn strategies(scene: impl AsRef<Path>) -> Vec<Strategy> {
+        let scene = TestScene::new(scene, [16, 16]);
+        let traits = SceneTraits::new(&scene.renderer(&scene.settings), false);
+        let all = Technique::candidates(&scene.settings, FreeParameters::ALL, traits);
+        all.iter().map(|technique| technique.strategy).collect()
+    }
+
     #[test]
     fn path_tracing_is_no_candidate_where_it_would_miss_light() {
         // The first lacks glass and mirrors, the second lights that no ray can hit.
-        let scenes = [
-            ("cornell-box", true),
-            ("caustic-sphere", true),
-            ("materials", false),
-            ("hall", false),
-        ];
-        for (name, is_candidate) in scenes {
-            let loaded =
-                load(format!("{}/../../scenes/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
-            let settings =
-                Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
-            let settings = Settings { width: 16, height: 16, ..settings.unwrap() };
-            let accel = build(Backend::Bvh, &loaded.scene).unwrap();
-            let renderer = Renderer::new(&loaded.scene, &accel, settings.clone()).unwrap();
-            let traits = SceneTraits::new(&renderer, false);
-            let all = Technique::candidates(&settings, FreeParameters::ALL, traits);
-            let has = |strategy| all.iter().any(|technique| technique.strategy == strategy);
-            assert_eq!(has(Strategy::Path), is_candidate, "{name}");
+        for (name, is_candidate) in
+            [("cornell-box", true), ("caustic-sphere", true), ("materials", false), ("hall", false)]
+        {
+            let all = strategies(name);
+            assert_eq!(all.contains(&Strategy::Path), is_candidate, "{name}");
             // Where it would miss light, photons of caustics find that.
             let has_casters = name != "cornell-box";
-            let of_caustics = [Strategy::PathCaustics, Strategy::GatherCaustics];
-            assert_eq!(of_caustics.map(has), [has_casters; 2], "{name}");
+            for of_caustics in [Strategy::PathCaustics, Strategy::GatherCaustics] {
+                assert_eq!(all.contains(&of_caustics), has_casters, "{name}");
+            }
         }
     }
 
@@ -186,13 +182,7 @@ mod tests {
             let mesh = "[[mesh]]\nfile = 'pane.obj'\nmaterial = 'pane'\n";
             let scene = format!("{camera}{mesh}[materials.pane]\n{pane}\n[sky]\n{sky}\n");
             std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
-            let loaded = load(folder.path()).unwrap();
-            let settings = Settings { width: 16, height: 16, ..settings() };
-            let accel = build(Backend::Bvh, &loaded.scene).unwrap();
-            let renderer = Renderer::new(&loaded.scene, &accel, settings.clone()).unwrap();
-            let traits = SceneTraits::new(&renderer, false);
-            let all = Technique::candidates(&settings, FreeParameters::ALL, traits);
-            let found = all.iter().any(|technique| technique.strategy == Strategy::Path);
+            let found = strategies(folder.path()).contains(&Strategy::Path);
             assert_eq!(found, is_candidate, "{sky}, {pane}");
         }
     }
@@ -200,19 +190,11 @@ mod tests {
     #[test]
     fn final_gathering_is_tried_where_the_image_is_denoised() {
         let gathers = |is_denoised| {
-            let traits = SceneTraits {
-                needs_photons: false,
-                has_casters: false,
-                may_weight: true,
-                media_scatter: false,
-                media_are_dense: false,
-                is_denoised,
-                has_meters: false,
-            };
+            let traits = SceneTraits { may_weight: true, is_denoised, ..Default::default() };
             let all = Technique::candidates(&settings(), FreeParameters::ALL, traits);
-            all.iter()
-                .filter(|own| (own.strategy, own.merge_vertex) == (Strategy::Single, 2))
-                .count()
+            let is_gathering =
+                |own: &&Technique| (own.strategy, own.merge_vertex) == (Strategy::Single, 2);
+            all.iter().filter(is_gathering).count()
         };
         assert_eq!([false, true].map(gathers), [0, 1]);
     }
@@ -222,17 +204,9 @@ mod tests {
     fn dense_media_are_merged_around_points_as_well() {
         let all = |medium_query, media_scatter: bool, media_are_dense| {
             let open = FreeParameters { medium_query, ..FreeParameters::ALL };
-            let (needs_photons, may_weight) = (false, !media_scatter);
-            let is_denoised = false;
-            let traits = SceneTraits {
-                needs_photons,
-                has_casters: false,
-                may_weight,
-                media_scatter,
-                media_are_dense,
-                is_denoised,
-                has_meters: false,
-            };
+            let may_weight = !media_scatter;
+            let traits =
+                SceneTraits { may_weight, media_scatter, media_are_dense, ..Default::default() };
             Technique::candidates(&settings(), open, traits)
         };
         let count =

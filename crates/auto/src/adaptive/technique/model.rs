@@ -14,6 +14,7 @@ use super::start_up::{StartUp, StartUpLaw};
 use super::trial::Trial;
 use crate::adaptive::denoised_noise::kept_by_averages;
 use crate::timing::TimeModel;
+use crate::timing::least_squares::not_negative_parts;
 use bdpm_core::film::annulus::left_at_half;
 use bdpm_core::noise::Coefficients;
 use bdpm_core::render::NestedPart;
@@ -369,35 +370,27 @@ impl Model {
 }
 
 /// Fits one part of at least 0 for each class, so that the parts times the factors `inverse` of the
-/// trials add up to `values`: least squares of relative deviations.
+/// trials add up to `values`: least squares of relative deviations. One trial, or several at equal
+/// radii, cannot separate the classes.
 fn parts(inverse: &[ByClass<f64>], values: &[f64], shares: ByClass<bool>) -> ByClass<f64> {
-    let rows = inverse.iter().zip(values).filter(|(_, value)| **value > 0.0);
-    let rows: Vec<[f64; 2]> = rows.map(|(inverse, value)| inverse.map(|x| x / value)).collect();
-    let product = |i: usize, j: usize| rows.iter().map(|row| row[i] * row[j]).sum::<f64>();
-    let sum = |i: usize| rows.iter().map(|row| row[i]).sum::<f64>();
-    let alone = |class: usize| {
-        let mut fitted = [0.0; 2];
-        fitted[class] = if rows.is_empty() { 0.0 } else { sum(class) / product(class, class) };
-        fitted
+    let rows: Vec<_> = inverse.iter().zip(values).filter(|(_, value)| **value > 0.0).collect();
+    let column = |class: usize| -> Vec<f64> {
+        let share = f64::from(u8::from(shares[class]));
+        rows.iter().map(|(inverse, value)| share * inverse[class] / *value).collect()
     };
-    match shares {
-        [true, true] => {}
-        [true, false] => return alone(EVERY),
-        [false, _] => return alone(LAST),
-    }
-    let determinant = product(0, 0) * product(1, 1) - product(0, 1).powi(2);
-    let fitted = [
-        (sum(0) * product(1, 1) - sum(1) * product(0, 1)) / determinant,
-        (sum(1) * product(0, 0) - sum(0) * product(0, 1)) / determinant,
-    ];
-    match fitted {
-        // One trial, or several at the same radii.
-        [x, y] if !(x.is_finite() && y.is_finite()) => alone(LAST),
-        // The class whose part would be negative contributes next to nothing.
-        [x, _] if x < 0.0 => [MINIMUM_PART * alone(0)[0], alone(1)[1]],
-        [_, y] if y < 0.0 => [alone(0)[0], MINIMUM_PART * alone(1)[1]],
-        _ => fitted,
-    }
+    let ones = vec![1.0; rows.len()];
+    let [last, every] = not_negative_parts([column(LAST), column(EVERY)], &ones);
+    // The class whose part would be negative contributes next to nothing.
+    let part = |class: usize, part: Option<f64>| match part {
+        Some(0.0) => {
+            let [alone] = not_negative_parts([column(class)], &ones);
+            MINIMUM_PART * alone.unwrap_or_default()
+        }
+        part => part.unwrap_or_default(),
+    };
+    let mut parts = [part(LAST, last); 2];
+    parts[EVERY] = part(EVERY, every);
+    parts
 }
 
 /// Means over trials, without the time of pairs.
@@ -420,9 +413,8 @@ fn mean_times(trials: &[Trial]) -> TimeModel {
 mod tests {
     use super::*;
     use crate::adaptive::technique::bias_law::TYPICAL_FALL;
-    use crate::adaptive::technique::candidate_cost::tests::{demand, times};
+    use crate::adaptive::technique::candidate_cost::tests::{MERGING, demand, times};
     use crate::adaptive::technique::{End, FreeParameters};
-    use bdpm_core::settings::{Direct, Kernel, Strategy};
 
     #[test]
     fn parts_of_both_classes_are_separated() {
@@ -441,14 +433,6 @@ mod tests {
 
     #[test]
     fn longer_renders_take_smaller_radii() {
-        let technique = Technique {
-            strategy: Strategy::Single,
-            merge_vertex: 1,
-            direct: Direct::Connect,
-            kernel: Kernel::Area,
-            splitting: 1,
-            medium_query: None,
-        };
         let bias = BiasLaw { radius: 4.0, square: 0.01, error: 0.001, falls_to: TYPICAL_FALL };
         let mut known = [None; 2];
         known[LAST] = Some(bias);
@@ -456,7 +440,7 @@ mod tests {
         (pairs[LAST], light[LAST]) = (1e4, 6e3);
         let camera = 0.04;
         let model = Model {
-            technique,
+            technique: MERGING,
             smallest: [0.0; 2],
             pairs,
             light,

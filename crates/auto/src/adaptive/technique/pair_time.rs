@@ -2,6 +2,7 @@
 
 use super::Technique;
 use super::trial::Trial;
+use crate::timing::least_squares::not_negative_parts;
 use bdpm_core::settings::MediumQuery;
 
 /// Time of a merge per light path, as a function of the radius. A search in cells reads the photons
@@ -19,36 +20,21 @@ pub struct PairTime {
 impl PairTime {
     /// Fits the trials of a technique by least squares, since at small radii the time hardly shows.
     pub fn of(technique: Technique, trials: &[Trial]) -> Self {
-        let times = trials
-            .iter()
-            .map(|trial| (technique.reach(trial.radii).powi(2), trial.times.merge_pair));
-        Self::fit(technique.medium_query == Some(MediumQuery::Beams), times)
+        let radius = |trial: &Trial| technique.reach(trial.radii);
+        let times: Vec<_> = trials.iter().map(|own| [radius(own), own.times.merge_pair]).collect();
+        Self::fit(technique.medium_query == Some(MediumQuery::Beams), &times)
     }
 
-    /// Fits pairs of a squared radius and a time.
-    fn fit(is_along_segments: bool, times: impl Iterator<Item = (f64, f64)> + Clone) -> Self {
-        let sum = |of: fn(f64, f64) -> f64| times.clone().map(|(r2, t)| of(r2, t)).sum::<f64>();
-        let [count, r2, r4] = [sum(|_, _| 1.0), sum(|r2, _| r2), sum(|r2, _| r2 * r2)];
-        let [time, time_r2] = [sum(|_, t| t), sum(|r2, t| r2 * t)];
-        let reading = if r4 > 0.0 { time_r2 / r4 } else { 0.0 };
-        let alone = Self { passing: 0.0, reading };
-        if !is_along_segments || r4 == 0.0 {
-            return alone;
-        }
-        let determinant = count * r4 - r2 * r2;
-        let passing = Self { passing: time / count, reading: 0.0 };
-        // Of one radius both parts are unknown: the larger one at smaller radii is on time.
-        if determinant <= 1e-6 * count * r4 {
-            return passing;
-        }
-        match [
-            (time * r4 - time_r2 * r2) / determinant,
-            (count * time_r2 - time * r2) / determinant,
-        ] {
-            [own, _] if own < 0.0 => alone,
-            [_, own] if own < 0.0 => passing,
-            [passing, reading] => Self { passing, reading },
-        }
+    /// Fits pairs of a radius and a time. Of one radius both parts are unknown: the larger one at
+    /// smaller radii is on time.
+    fn fit(is_along_segments: bool, times: &[[f64; 2]]) -> Self {
+        let always = f64::from(u8::from(is_along_segments));
+        let columns =
+            [vec![always; times.len()], times.iter().map(|[radius, _]| radius * radius).collect()];
+        let seconds: Vec<f64> = times.iter().map(|[_, seconds]| *seconds).collect();
+        let parts = not_negative_parts(columns, &seconds);
+        let [passing, reading] = parts.map(Option::unwrap_or_default);
+        Self { passing, reading }
     }
 
     /// Seconds at a radius, scene units.
@@ -76,18 +62,17 @@ mod tests {
     #[test]
     fn segments_have_a_part_that_no_radius_changes() {
         let law = PairTime { passing: 3.0, reading: 2.0 };
-        let times = [0.5, 1.0, 3.0].map(|radius: f64| (radius * radius, law.at(radius)));
-        let along = PairTime::fit(true, times.into_iter());
-        let in_cells = PairTime::fit(false, times.into_iter());
+        let times = [0.5, 1.0, 3.0].map(|radius| [radius, law.at(radius)]);
+        let [along, in_cells] = [true, false].map(|along| PairTime::fit(along, &times));
         assert!((along.at(0.1) - law.at(0.1)).abs() < 1e-9, "{along:?}");
         assert!(in_cells.passing == 0.0 && (in_cells.at(3.0) / law.at(3.0) - 1.0).abs() < 0.1);
         // One radius, or none at all.
-        let one = PairTime::fit(true, [(4.0, 8.0)].into_iter());
+        let one = PairTime::fit(true, &[[2.0, 8.0]]);
         assert_eq!([one.at(2.0), one.at(1.0)], [8.0, 8.0]);
-        assert_eq!(PairTime::fit(true, [(0.0, 0.0)].into_iter()).at(0.0), 0.0);
+        assert_eq!(PairTime::fit(true, &[[0.0, 0.0]]).at(0.0), 0.0);
         // Neither part is negative.
-        for times in [[(1.0, 5.0), (4.0, 4.0)], [(1.0, 1.0), (4.0, 5.0)]] {
-            let fitted = PairTime::fit(true, times.into_iter());
+        for times in [[[1.0, 5.0], [2.0, 4.0]], [[1.0, 1.0], [2.0, 5.0]]] {
+            let fitted = PairTime::fit(true, &times);
             assert!(fitted.passing >= 0.0 && fitted.reading >= 0.0, "{fitted:?}");
         }
     }

@@ -261,18 +261,14 @@ mod tests {
     use super::*;
     use crate::adaptive::technique::candidate_cost::tests::demand;
     use crate::adaptive::technique::{End, FreeParameters, Technique};
-    use bdpm_core::render::Renderer;
-    use bdpm_core::scene::backend::{Backend, build};
-    use bdpm_load::load;
+    use crate::test_scene::TestScene;
 
     /// Radii of the lanes of a race in `scenes/keyhole`, the best first: the same technique at
     /// these radii.
     fn raced(radii: [f32; 2]) -> Vec<f32> {
-        let loaded = load(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/keyhole")).unwrap();
-        let own = Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
-        let own = Settings { width: 64, height: 48, merge_vertex: 1, ..own.unwrap() };
-        let accel = build(Backend::Bvh, &loaded.scene).unwrap();
-        let renderer = Renderer::new(&loaded.scene, &accel, own.clone()).unwrap();
+        let scene = TestScene::new("keyhole", [64, 48]);
+        let own = Settings { merge_vertex: 1, ..scene.settings.clone() };
+        let renderer = scene.renderer(&own);
         let mut runner = TrialRunner::new(&renderer, 0.0).unwrap();
         let open = FreeParameters { strategy: true, ..FreeParameters::NONE };
         // So long that bias decides.

@@ -143,21 +143,13 @@ impl Best {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::adaptive::technique::candidate_cost::tests::{demand, time, times};
-    use bdpm_core::settings::{Direct, Kernel};
+    use crate::adaptive::technique::candidate_cost::tests::{MERGING, demand, time, times};
 
     #[test]
     fn noise_before_denoising_is_that_of_the_image() {
         let image = Coefficients { a: 2e7, b: 40.0, f: 1e4 };
         let merged = <ByClass<ClassBias>>::default();
-        let technique = Technique {
-            strategy: Strategy::Single,
-            merge_vertex: 2,
-            direct: Direct::Connect,
-            kernel: Kernel::Area,
-            splitting: 1,
-            medium_query: None,
-        };
+        let technique = Technique { merge_vertex: 2, ..MERGING };
         let seconds = 100.0;
         for denoises in [false, true] {
             let demand = CandidateCost { denoises, ..demand(End::Time(seconds)) };
@@ -198,15 +190,7 @@ mod tests {
     /// iterations even more.
     #[test]
     fn spots_count_where_noise_is_visible() {
-        let single = Technique {
-            strategy: Strategy::Single,
-            merge_vertex: 1,
-            direct: Direct::Connect,
-            kernel: Kernel::Area,
-            splitting: 1,
-            medium_query: None,
-        };
-        let path = Technique { strategy: Strategy::Path, ..single };
+        let (single, path) = (MERGING, Technique { strategy: Strategy::Path, ..MERGING });
         let merged = <ByClass<ClassBias>>::default();
         let seen = |technique, image: Coefficients, blur, seconds| {
             let demand = demand(End::Time(seconds));

@@ -377,24 +377,18 @@ fn times(renderer: &Renderer) -> impl Iterator<Item = TimeSample> {
 mod tests {
     use super::*;
     use crate::adaptive::technique::trial::BIAS_TOLERANCE;
-    use bdpm_core::scene::backend::{Backend, build};
+    use crate::test_scene::TestScene;
     use bdpm_core::settings::{Direct, Kernel, Strategy};
     use bdpm_core::transport::photon::PhotonClass;
-    use bdpm_load::load;
 
     #[test]
     fn equal_radii_measure_the_bias_of_each_class_separately() {
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/cornell-box-classic");
-        let loaded = load(folder).unwrap();
-        let own = Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
-        let own = own.unwrap();
+        let scene = TestScene::new("cornell-box-classic", [16, 16]);
+        let own = scene.settings.clone();
         // Photons straight from the lamp are then of the class that merges at every vertex.
         let (direct, radius) = (Direct::PhotonMap, 8.0 * own.radius);
-        let (width, height, light_paths) = (16, 16, 4000);
-        let own =
-            Settings { direct, radius, caustic_radius: radius, width, height, light_paths, ..own };
-        let accel = build(Backend::Bvh, &loaded.scene).unwrap();
-        let renderer = Renderer::new(&loaded.scene, &accel, own.clone()).unwrap();
+        let own = Settings { direct, radius, caustic_radius: radius, light_paths: 4000, ..own };
+        let renderer = scene.renderer(&own);
         let mut runner = TrialRunner::new(&renderer, 0.0).unwrap();
         // Without time a trial takes two iterations, with equal samples each time.
         let mut nested = |class| -> Vec<f64> {
@@ -410,12 +404,9 @@ mod tests {
 
     #[test]
     fn trial_that_is_darker_than_others_expects_more_noise() {
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/cornell-box-classic");
-        let loaded = load(folder).unwrap();
-        let own = Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
-        let own = Settings { width: 16, height: 16, light_paths: 4000, ..own.unwrap() };
-        let accel = build(Backend::Bvh, &loaded.scene).unwrap();
-        let renderer = Renderer::new(&loaded.scene, &accel, own.clone()).unwrap();
+        let scene = TestScene::new("cornell-box-classic", [16, 16]);
+        let own = Settings { light_paths: 4000, ..scene.settings.clone() };
+        let renderer = scene.renderer(&own);
         let mut runner = TrialRunner::new(&renderer, 0.0).unwrap();
         for strategy in [Strategy::Path, Strategy::CutMis] {
             let own = Settings { strategy, merge_vertex: 2, ..own.clone() };
@@ -444,14 +435,11 @@ mod tests {
     /// still know what an image would need.
     #[test]
     fn trials_know_the_start_up_of_areas() {
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/cornell-box-classic");
-        let loaded = load(folder).unwrap();
-        let own = Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
-        let own = Settings { width: 64, height: 64, light_paths: 4000, ..own.unwrap() };
-        let accel = build(Backend::Bvh, &loaded.scene).unwrap();
+        let scene = TestScene::new("cornell-box-classic", [64, 64]);
         for kernel in [Kernel::Area, Kernel::Disc] {
-            let own = Settings { kernel, merge_vertex: 2, ..own.clone() };
-            let renderer = Renderer::new(&loaded.scene, &accel, own.clone()).unwrap();
+            let own = scene.settings.clone();
+            let own = Settings { kernel, merge_vertex: 2, light_paths: 4000, ..own };
+            let renderer = scene.renderer(&own);
             let mut runner = TrialRunner::new(&renderer, 0.0).unwrap();
             let mut start_up = |strategy| {
                 let trial = runner.trial(&Settings { strategy, ..own.clone() }, None, 0.0).unwrap();
