@@ -62,13 +62,6 @@ impl TimeModel {
         Self::new(self.seconds().map(|seconds| scale * seconds), self.pixels)
     }
 
-    /// The model in which nothing takes less time than in `other`.
-    #[must_use]
-    pub fn at_least(&self, other: &Self) -> Self {
-        let (own, other) = (self.seconds(), other.seconds());
-        Self::new(std::array::from_fn(|i| own[i].max(other[i])), self.pixels)
-    }
-
     /// Refuses numbers that cannot be times.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 
 use super::candidate_cost::CandidateCost;
 use super::pilot::Finalist;
-use super::{Candidate, End, Selection};
+use super::{Candidate, End, Selection, Technique};
 use serde::{Deserialize, Serialize};
 
 /// Factor on the squared error of other techniques whose pixels share light, once one was refuted:
@@ -67,7 +67,9 @@ impl Alternatives {
             error => error,
         };
         let again = CandidateCost { end, ..self.demand };
-        let is_other = |own: &Finalist| own.model.technique != instead_of.technique;
+        let unsplit = |own: Technique| Technique { splitting: 1, ..own };
+        let is_other =
+            |own: &Finalist| unsplit(own.model.technique) != unsplit(instead_of.technique);
         let shares = |own: &Finalist| own.model.technique.strategy.shares_light();
         let after = |own: &Finalist| own.best.after(&self.demand, &again);
         let rank = |own: &Finalist| {
@@ -94,10 +96,10 @@ impl Alternatives {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::adaptive::technique::FreeParameters;
     use crate::adaptive::technique::candidate_cost::tests::demand;
     use crate::adaptive::technique::model::{ImageScale, Model};
     use crate::adaptive::technique::trial_runner::TrialRunner;
-    use crate::adaptive::technique::{FreeParameters, Technique};
     use crate::test_scene::TestScene;
     use bdpm_core::noise::Coefficients;
     use bdpm_core::settings::{Settings, Strategy};

@@ -6,11 +6,11 @@
 //! One iteration of a sample of the pixels with all light paths tells the time there, and the law
 //! of the root the time near it.
 
+use super::End;
 use super::candidate_cost::{Best, CandidateCost, RenderTime};
 use super::model::Model;
 use super::pilot::Pilot;
 use super::trial_runner::TrialRunner;
-use super::{End, Technique};
 use crate::timing::TimeModel;
 use bdpm_core::base::error::Result;
 use bdpm_core::noise::Measure;
@@ -43,11 +43,8 @@ const LONGEST_OVER_BASE: f64 = 4.0;
 impl Pilot<'_> {
     /// The best counts of a technique that merges along segments, by the times that merging takes
     /// there; those of `best` for others.
-    pub(super) fn with_beam_times(
-        &mut self,
-        (model, technique): (&Model, Technique),
-        mut best: Best,
-    ) -> Result<Best> {
+    pub(super) fn with_beam_times(&mut self, model: &Model, mut best: Best) -> Result<Best> {
+        let technique = model.technique;
         if technique.medium_query != Some(MediumQuery::Beams) {
             return Ok(best);
         }
@@ -58,11 +55,10 @@ impl Pilot<'_> {
         let demand = CandidateCost { medium_scale: best.medium_scale, ..self.demand };
         let (start_up, coefficients) = (model.time(best.radii).start_up, best.coefficients);
         for _ in 0..MOST_TIMED {
-            let n_light =
-                best.light_paths().min(most / best.times().light_path).max(LEAST_LIGHT_PATHS);
+            let n_light = best.light_paths.min(most / best.times.light_path).max(LEAST_LIGHT_PATHS);
             let settings =
                 Settings { light_paths: n_light as u32, ..best.settings(self.settings, technique) };
-            let times = self.runner.beam_times(settings, &best.times())?;
+            let times = self.runner.beam_times(settings, &best.times)?;
             let at = |light_paths: f64| {
                 let time = RenderTime { times: at_count(&times, n_light, light_paths), start_up };
                 let demand = CandidateCost { light_paths: Some(light_paths), ..demand };
@@ -75,7 +71,7 @@ impl Pilot<'_> {
             let rank = |own: &Best| own.rank(&demand) * too_long(&times, own, &demand);
             let next = all.min_by(|one, other| rank(one).total_cmp(&rank(other)));
             let next = Best { tried: best.tried, ..next.expect("there is a step") };
-            let ratio = next.light_paths() / n_light;
+            let ratio = next.light_paths / n_light;
             best = next;
             if (SAME_COUNT.recip()..SAME_COUNT).contains(&ratio) {
                 break;
@@ -151,7 +147,7 @@ mod tests {
             let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
             let merged = <ByClass<ClassBias>>::default();
             let own = demand.evaluate(&coefficients, &time(), &merged, [1.0; 2]);
-            assert_eq!(own.light_paths(), light_paths);
+            assert_eq!(own.light_paths, light_paths);
             too_long(&times(), &own, &demand)
         };
         // Of 16 s an iteration may take one, of 16 ms four times what camera paths take or a third.

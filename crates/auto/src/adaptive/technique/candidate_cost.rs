@@ -337,16 +337,6 @@ impl Best {
         }
     }
 
-    /// The best number of light paths.
-    pub fn light_paths(&self) -> f64 {
-        self.light_paths
-    }
-
-    /// Times of an iteration of the image.
-    pub fn times(&self) -> TimeModel {
-        self.times
-    }
-
     /// Settings of a trial at these radii.
     pub fn settings(&self, settings: &Settings, technique: Technique) -> Settings {
         self.scored(technique).apply(settings)

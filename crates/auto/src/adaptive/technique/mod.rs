@@ -15,7 +15,6 @@ mod candidate_cost;
 mod candidates;
 mod compared_trials;
 mod lane;
-mod medium_scale;
 mod model;
 mod pair_time;
 mod pilot;

@@ -61,8 +61,6 @@ pub struct ImageScale {
 pub struct Model {
     /// The technique.
     pub technique: Technique,
-    /// The smallest radii of the trials that were fitted, scene units.
-    smallest: ByClass<f64>,
     /// Second moment of the pairs, relative, times the squared radius.
     pairs: ByClass<f64>,
     /// Light main effect, relative, times the squared radius and footprint.
@@ -144,9 +142,6 @@ impl Model {
         }
         Self {
             technique,
-            smallest: from_fn(|class| {
-                trials.iter().map(|trial| trial.radii[class]).fold(f64::INFINITY, f64::min)
-            }),
             pairs: parts(&inverse(0.0), &moments, shares),
             light: parts(&inverse(g2), &shared, shares),
             camera: measured.iter().map(|c| c.b).sum::<f64>() / measured.len() as f64,
@@ -349,23 +344,11 @@ impl Model {
         }
     }
 
-    /// The best counts at the radii of a trial that was not fitted, by its own coefficients and
-    /// times.
-    pub fn tried_at(&self, trial: &Trial, weights: &[f64], demand: &CandidateCost) -> Best {
-        let radii = trial.radii;
-        let own = trial.relative(weights);
-        // A trial can miss rare light if few pixels received photons, or if its radii are smaller
-        // than all others. It then looks less noisy than it is.
-        let is_small = (0..2).any(|class| radii[class] < self.smallest[class]);
-        let coefficients = if is_small || trial.lit_pixels(weights) < ENOUGH_FOUND {
-            let model = self.coefficients(radii);
-            Coefficients { a: own.a.max(model.a), f: own.f.max(model.f), ..own }
-        } else {
-            own
-        };
-        let mut best = self.evaluate(&coefficients, &trial.time(), demand, radii);
-        best.tried = true;
-        best
+    /// The model of a technique that splits otherwise, or at this factor on the radii in media: as
+    /// if all bias were that of media.
+    pub fn variant(&self, technique: Technique, medium_factor: f64) -> Self {
+        let scaled = |law: BiasLaw| BiasLaw { radius: law.radius / medium_factor, ..law };
+        Self { technique, bias: self.bias.map(|law| law.map(scaled)), ..self.clone() }
     }
 }
 
@@ -441,7 +424,6 @@ mod tests {
         let camera = 0.04;
         let model = Model {
             technique: MERGING,
-            smallest: [0.0; 2],
             pairs,
             light,
             camera,

@@ -21,9 +21,9 @@ use bdpm_core::transport::photon::PhotonClass;
 use std::array::from_fn;
 use std::time::Instant;
 
-/// Shares of the pilot's time for its rounds: all techniques, the better ones at large radii, the
-/// race, and trials of how light paths split and of radii in media.
-const ROUNDS: [f64; 4] = [0.2, 0.15, 0.45, 0.05];
+/// Shares of the pilot's time for its rounds: all techniques, the better ones at large radii, and
+/// the race.
+const ROUNDS: [f64; 3] = [0.2, 0.15, 0.5];
 
 /// A technique is dropped if its squared error, at the best radii by one trial, exceeds the
 /// smallest by this factor.
@@ -60,7 +60,7 @@ pub fn run(
     let renderer = scaled.as_ref().unwrap_or(renderer);
     let settings = &Settings { bias: open.bias(&own), ..own };
     let candidates = Technique::candidates(settings, open, SceneTraits::new(renderer, denoises));
-    let [screening, large, racing, last] = ROUNDS.map(|share| share * budget);
+    let [screening, large, racing] = ROUNDS.map(|share| share * budget);
     let each = screening / candidates.len() as f64;
     let demand = CandidateCost {
         has_cache: false,
@@ -95,7 +95,7 @@ pub fn run(
     };
     pilot.screen(candidates, each)?;
     pilot.try_large_radii(large)?;
-    let finalists = pilot.finish(racing, last)?;
+    let finalists = pilot.finish(racing)?;
     let scored = |own: &Finalist| own.best.scored(own.model.technique);
     let candidates = finalists.iter().map(scored).collect();
     let alternatives = Alternatives::new(finalists, pilot.demand);
@@ -269,7 +269,7 @@ impl Pilot<'_> {
 
     /// Lets the techniques that are left race at their best radii for `racing` seconds. Returns the
     /// best first.
-    fn finish(&mut self, racing: f64, last: f64) -> Result<Vec<Finalist>> {
+    fn finish(&mut self, racing: f64) -> Result<Vec<Finalist>> {
         self.demand.end = self.end_after_overrun();
         let weights = common_weights(&self.tried);
         let finalist = |tried: &Tried| {
@@ -287,9 +287,7 @@ impl Pilot<'_> {
         };
         let mut finalists = race(field, track, racing)?;
         let first = &mut finalists[0];
-        first.best = self.with_beam_times((&first.model, first.model.technique), first.best)?;
-        self.try_splitting(first, &weights, last)?;
-        self.try_medium_scales(first, &weights, last)?;
+        first.best = self.with_beam_times(&first.model, first.best)?;
         Ok(finalists)
     }
 }
@@ -305,33 +303,6 @@ impl Pilot<'_> {
             End::Time(time) => End::Time((time - late).max(0.25 * time)),
             error => error,
         }
-    }
-
-    /// Tries the best candidate with light paths that split, and keeps the better of both. Other
-    /// trials do without splitting: fewer light paths would tell less about rare light, and where
-    /// noise is visible, they would draw it as spots.
-    fn try_splitting(
-        &mut self,
-        Finalist { model, best, .. }: &mut Finalist,
-        weights: &[f64],
-        seconds: f64,
-    ) -> Result<()> {
-        let Some(technique) = model.technique.split().filter(|_| self.demand.open.splitting) else {
-            return Ok(());
-        };
-        if matches!(self.demand.end, End::Time(_)) && best.is_noise_visible() {
-            return Ok(());
-        }
-        let settings = best.settings(self.settings, technique);
-        let mut trial = self.trial(&settings, None, seconds)?;
-        // Paths that split take at least as long: this trial alone measures its times badly.
-        trial.times = trial.times.at_least(&best.times());
-        let split = model.tried_at(&trial, weights, &self.demand);
-        let split = self.with_beam_times((model, technique), split)?;
-        if split.rank(&self.demand) < best.rank(&self.demand) {
-            (*best, model.technique) = (split, technique);
-        }
-        Ok(())
     }
 }
 

@@ -5,16 +5,18 @@
 //! on, until one is left. What they have measured decides, not what was predicted. Where a lane
 //! predicts clearly less error at other radii, a lane at these radii joins. theory.md, section 22a
 
-use super::candidate_cost::CandidateCost;
+use super::candidate_cost::{Best, CandidateCost};
 use super::lane::{LANE_CAMERA_PATHS, Lane, LaneMeasurement};
 use super::model::{ImageScale, Model};
 use super::pilot::Finalist;
 use super::trial::{BIAS_TOLERANCE, missed_share};
 use super::trial_runner::TrialRunner;
+use super::{End, Technique};
 use bdpm_core::base::error::Result;
 use bdpm_core::film::radiance::luminance_weights;
 use bdpm_core::noise::Coefficients;
-use bdpm_core::settings::Settings;
+use bdpm_core::settings::{MEDIUM_SCALES, Settings};
+use std::ops::Range;
 
 /// Maximum number of lanes at the start.
 const MOST_LANES: usize = 4;
@@ -38,11 +40,13 @@ const PROMISING: f64 = 0.85;
 /// by this factor.
 const CLEAR: f64 = 4.0;
 
-/// Other numbers of light paths than this factor or its reciprocal begin a lane anew: weights of
-/// techniques depend on them.
-const OTHER_WEIGHTS: f64 = 2.0;
+/// Factors on the number of light paths that need no new lane. Weights of techniques depend on it.
+const SAME_WEIGHTS: Range<f64> = 0.5..2.0;
 
-/// Lanes that may join at a time.
+/// Factors on the radii in media of lanes that join.
+const OTHER_SCALES: [f64; 2] = [0.5, 2.0];
+
+/// Lanes at other radii or with other weights that may join at a time.
 const MOST_JOINING: usize = 2;
 
 /// A technique at its radii.
@@ -101,7 +105,9 @@ pub fn race(mut field: Vec<Finalist>, mut track: Track, seconds: f64) -> Result<
         }
         let joining = racers[..running.div_ceil(2)].iter();
         let joining = joining.filter_map(|own| own.joining(&track.demand)).take(MOST_JOINING);
-        let joining: Vec<Finalist> = joining.collect();
+        let joining = joining.chain(racers[0].variants(&track.demand));
+        let is_new = |own: &Finalist| racers.iter().all(|other| !other.is_like(own));
+        let joining: Vec<Finalist> = joining.filter(is_new).collect();
         if joining.is_empty() && is_decided(&racers, &track.demand) {
             break;
         }
@@ -140,7 +146,7 @@ struct Shape {
 impl Track<'_, '_> {
     /// Iterations that take about `seconds`.
     fn shape(&self, field: &[Finalist], seconds: f64) -> Shape {
-        let per_path = |own: &Finalist| own.best.times().camera_path + own.best.times().look_up;
+        let per_path = |own: &Finalist| own.best.times.camera_path + own.best.times.look_up;
         let per_path = field.iter().map(per_path).fold(0.0, f64::max);
         let pixels = CAMERA_SHARE * seconds / (f64::from(LANE_CAMERA_PATHS) * per_path);
         let [width, height] = [self.settings.width, self.settings.height];
@@ -237,30 +243,63 @@ impl Racer {
 
     /// A lane at other radii or with other weights that is predicted to be clearly better.
     fn joining(&self, demand: &CandidateCost) -> Option<Finalist> {
-        let Self { finalist, matched, light_paths, .. } = self;
+        let Self { finalist, matched, .. } = self;
         let model = matched.as_ref()?;
+        let demand = &CandidateCost { medium_scale: finalist.best.medium_scale, ..*demand };
         let own = model.best(demand);
         let is_elsewhere = own.radii != finalist.best.radii;
         let is_better = is_elsewhere && own.rank(demand) < PROMISING * finalist.best.rank(demand);
-        let ratio = finalist.best.light_paths() / light_paths;
-        let is_weighted = model.technique.strategy.weighs_merges();
-        let has_other_weights =
-            is_weighted && !(OTHER_WEIGHTS.recip()..OTHER_WEIGHTS).contains(&ratio);
-        let best = match (is_better, has_other_weights) {
+        let best = match (is_better, self.has_weights_of(&finalist.best)) {
             (true, _) => own,
-            (false, true) => finalist.best.tried(false),
-            (false, false) => return None,
+            (false, false) => finalist.best.tried(false),
+            (false, true) => return None,
         };
         let missed = finalist.missed;
         Some(Finalist { model: model.clone(), best, is_reserve: false, missed })
+    }
+
+    /// Lanes that no prediction asks for, beside the best one: with light paths that split, unless
+    /// they would draw visible noise as spots, and with other radii in media.
+    fn variants(&self, demand: &CandidateCost) -> Vec<Finalist> {
+        let Finalist { best, missed, .. } = self.finalist;
+        let Some(model) = &self.matched else { return Vec::new() };
+        let variant = |technique: Technique, factor: f64| {
+            let model = model.variant(technique, factor);
+            let medium_scale = factor * best.medium_scale;
+            let best = Best { medium_scale, ..best.tried(false) };
+            Finalist { model, best, is_reserve: false, missed }
+        };
+        let draws_spots = matches!(demand.end, End::Time(_)) && best.is_noise_visible();
+        let splits = demand.open.splitting && !draws_spots;
+        let split = model.technique.split().filter(|_| splits);
+        let mut all: Vec<Finalist> = split.map(|split| variant(split, 1.0)).into_iter().collect();
+        if demand.open.medium_scale && model.technique.medium_query.is_some() {
+            let scaled = OTHER_SCALES.map(|factor| variant(model.technique, factor)).into_iter();
+            all.extend(scaled.filter(|own| MEDIUM_SCALES.contains(&own.best.medium_scale)));
+        }
+        all
+    }
+
+    /// Whether the lane of a finalist would repeat this one.
+    fn is_like(&self, Finalist { model, best, .. }: &Finalist) -> bool {
+        let own = &self.finalist;
+        (own.model.technique, own.best.radii, own.best.medium_scale)
+            == (model.technique, best.radii, best.medium_scale)
+            && self.has_weights_of(best)
+    }
+
+    /// Whether its techniques have the weights of these counts.
+    fn has_weights_of(&self, best: &Best) -> bool {
+        !self.finalist.model.technique.strategy.weighs_merges()
+            || SAME_WEIGHTS.contains(&(best.light_paths / self.light_paths))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::adaptive::technique::FreeParameters;
     use crate::adaptive::technique::candidate_cost::tests::demand;
-    use crate::adaptive::technique::{End, FreeParameters, Technique};
     use crate::test_scene::TestScene;
 
     /// Radii of the lanes of a race in `scenes/keyhole`, the best first: the same technique at

@@ -1,7 +1,6 @@
 //! The result of a trial, which measures one technique at given radii on a sample of the pixels:
 //! noise, merge bias and times.
 
-use super::candidate_cost::RenderTime;
 use super::start_up::StartUp;
 use crate::timing::TimeModel;
 use bdpm_core::noise::Coefficients;
@@ -43,11 +42,6 @@ pub fn missed_share(luminance: f64, least: f64) -> f64 {
 }
 
 impl Trial {
-    /// What the whole image takes at these radii.
-    pub fn time(&self) -> RenderTime {
-        RenderTime { times: self.times, start_up: self.start_up }
-    }
-
     /// Mean luminance of the sample, W/(m^2 sr).
     pub fn luminance(&self) -> f64 {
         let pixels = &self.noise.pixels;
