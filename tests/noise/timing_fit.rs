@@ -1,9 +1,9 @@
 //! The fit of the time model: known coefficients come back, and its errors are what they say.
 
 use bdpm::paper::implied;
-use bdpm::timing::TimeModel;
-use bdpm::timing::fit::{Fit, fit};
+use bdpm::timing::fit::fit;
 use bdpm::timing::measure::{Phase, TimeSample};
+use bdpm::timing::{TimeModel, Timings};
 use rand_core::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro128PlusPlus;
 
@@ -64,8 +64,8 @@ fn samples_of_iterations(
 }
 
 /// Name, value and standard error of the coefficients.
-fn coefficients(fit: &Fit) -> [(&'static str, f64, Option<f64>); 5] {
-    let (model, errors) = (&fit.model, &fit.errors);
+fn coefficients(fit: &Timings) -> [(&'static str, f64, Option<f64>); 5] {
+    let (model, errors) = (&fit.model, fit.errors.unwrap());
     [
         ("fixed", model.fixed, errors.fixed),
         ("light_path", model.light_path, errors.light_path),
@@ -161,7 +161,7 @@ fn coefficients_that_sizes_do_not_determine_are_noted() {
     for n in [1e4, 5e4, 1e5] {
         near(pilot.model.iteration(n, 4.0), TRUTH.iteration(n, 4.0));
     }
-    assert_eq!(pilot.errors.fixed, None);
+    assert_eq!(pilot.errors.unwrap().fixed, None);
     assert_eq!(
         pilot.notes,
         [
@@ -172,7 +172,7 @@ fn coefficients_that_sizes_do_not_determine_are_noted() {
     // A single size: everything is proportional.
     let single = fit(&samples(&[(1e4, 4.0)], |t| (t, Some(1e-3))), TRUTH.pixels).unwrap();
     let model = single.model;
-    assert_eq!((model.look_up, single.errors.look_up, single.notes.len()), (0.0, None, 3));
+    assert_eq!((model.look_up, single.errors.unwrap().look_up, single.notes.len()), (0.0, None, 3));
     near(model.light_path * 1e4, seconds(Phase::Light, 1e4, 4.0));
     near(model.merge_pair * 1e4 * camera_paths, seconds(Phase::Merge, 1e4, 4.0));
     near(model.iteration(1e4, 4.0), TRUTH.iteration(1e4, 4.0));

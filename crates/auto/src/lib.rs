@@ -4,6 +4,7 @@
 //! measured noise. Both render with [`bdpm_core`], a few iterations at a time. Nothing here reads
 //! scene files, keeps an image, or prints.
 
+mod bisect;
 pub mod timing;
 pub mod adaptive;
 #[cfg(test)]

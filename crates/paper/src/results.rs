@@ -63,7 +63,7 @@ impl Results {
         let region = region::pixels(&experiment.conditions.region, &few.noise)?;
         let setup = experiment.conditions.setup.clone();
         let samples: Vec<_> = experiment.done.iter().flat_map(|done| done.times.clone()).collect();
-        let timings = Timings::new(fit(&samples, setup.pixels())?, setup);
+        let timings = Timings { setup: Some(setup.clone()), ..fit(&samples, setup.pixels())? };
 
         let terms = [&few.noise, &many.noise].map(|noise| Terms::new(noise, &region));
         let cells = cells(&experiment.done, &few.noise, &region, &timings.model);

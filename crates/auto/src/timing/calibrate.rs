@@ -73,6 +73,7 @@ pub fn calibrate(
         }
         rounds += 1;
     }
-    let timings = Timings::new(fit(&recorder.samples(), setup.pixels())?, setup);
+    let fit = fit(&recorder.samples(), setup.pixels())?;
+    let timings = Timings { setup: Some(setup), ..fit };
     Ok(Some(Calibration { timings, rounds, time: start.elapsed() }))
 }

@@ -104,7 +104,7 @@ impl Timings {
         let read = |entry| sample(&folder, entry, sidecar.begun);
         let samples: Vec<TimeSample> = sidecar.entries.iter().map(read).collect::<Result<_>>()?;
         let fit = fit(&samples, sidecar.setup.pixels()).map_err(|e| e.at(path))?;
-        Ok(Self::new(fit, sidecar.setup))
+        Ok(Self { setup: Some(sidecar.setup), ..fit })
     }
 }
 

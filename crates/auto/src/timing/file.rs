@@ -1,7 +1,7 @@
 //! Times in files and tables. A file is the output of `bdpm calibrate` or a bare [`TimeModel`], a
 //! folder is Criterion's.
 
-use super::fit::{Fit, FittedTime, TimeErrors};
+use super::fit::{FittedTime, TimeErrors};
 use super::setup::MeasurementSetup;
 use super::{COEFFICIENTS, TimeModel};
 use bdpm_core::base::atomic::write_atomically;
@@ -37,12 +37,6 @@ impl From<TimeModel> for Timings {
 }
 
 impl Timings {
-    /// A fit of times that were measured with `setup`.
-    pub fn new(fit: Fit, setup: MeasurementSetup) -> Self {
-        let Fit { model, errors, points, notes } = fit;
-        Self { model, errors: Some(errors), points, notes, setup: Some(setup) }
-    }
-
     /// Reads a folder that Criterion wrote, a file that [`Self::save`] wrote, or a file with the
     /// six keys of a [`TimeModel`].
     ///

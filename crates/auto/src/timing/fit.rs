@@ -15,11 +15,11 @@
 //! `light_path`, `camera_path`, `merge_pair`, so that the model's sum is wall-clock time.
 //!
 //! No coefficient is negative. If the measured sizes do not distinguish some terms, the term of the
-//! highest order takes all of their time, see [`Fit::notes`].
+//! highest order takes all of their time, see [`Timings::notes`].
 
 use super::least_squares::{independent, least_squares};
 use super::measure::{Phase, TimeSample};
-use super::{COEFFICIENTS, TimeModel};
+use super::{COEFFICIENTS, TimeModel, Timings};
 use bdpm_core::base::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -28,19 +28,6 @@ const ROUNDS: usize = 3;
 
 /// Resolution of the clock, seconds.
 const CLOCK: f64 = 1e-9;
-
-/// A fitted model, how certain it is, and how well it fits.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Fit {
-    /// The coefficients.
-    pub model: TimeModel,
-    /// Standard errors of the coefficients.
-    pub errors: TimeErrors,
-    /// The samples beside their fitted times.
-    pub points: Vec<FittedTime>,
-    /// Coefficients that the measured sizes do not distinguish, for people to read.
-    pub notes: Vec<String>,
-}
 
 /// Standard errors of a model's coefficients, in their units; `None` if there are too few samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -148,7 +135,7 @@ struct PhaseFit {
 ///
 /// # Errors
 /// If samples are missing, or are not times.
-pub fn fit(samples: &[TimeSample], pixels: f64) -> Result<Fit> {
+pub fn fit(samples: &[TimeSample], pixels: f64) -> Result<Timings> {
     samples.iter().try_for_each(check)?;
     for phase in [Phase::Light, Phase::Camera, Phase::Merge] {
         if samples.iter().all(|sample| sample.phase != phase) {
@@ -169,7 +156,7 @@ pub fn fit(samples: &[TimeSample], pixels: f64) -> Result<Fit> {
 }
 
 /// Fits all phases; deviations are relative to `scale`, seconds.
-fn fit_phases(samples: &[TimeSample], pixels: f64, scale: impl Fn(&TimeSample) -> f64) -> Fit {
+fn fit_phases(samples: &[TimeSample], pixels: f64, scale: impl Fn(&TimeSample) -> f64) -> Timings {
     let (mut points, mut notes) = (Vec::new(), Vec::new());
     let (mut seconds, mut variances) = ([0.0; 5], [Some(0.0); 5]);
     for phase in Phase::ALL {
@@ -193,7 +180,8 @@ fn fit_phases(samples: &[TimeSample], pixels: f64, scale: impl Fn(&TimeSample) -
     let [fixed, light_path, camera_path, look_up, merge_pair] =
         variances.map(|variance: Option<f64>| variance.map(f64::sqrt));
     let errors = TimeErrors { fixed, light_path, camera_path, look_up, merge_pair };
-    Fit { model: TimeModel::new(seconds, pixels), errors, points, notes }
+    let model = TimeModel::new(seconds, pixels);
+    Timings { model, errors: Some(errors), points, notes, setup: None }
 }
 
 /// Refuses numbers that cannot be measured times.

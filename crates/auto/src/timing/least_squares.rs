@@ -1,6 +1,7 @@
 //! Weighted least squares with a handful of unknowns, none of them negative.
 
 use super::measure::TimeSample;
+use crate::bisect::bisect;
 
 /// Share of a column's square that the columns before it must leave unexplained, for the column to
 /// count as independent.
@@ -65,17 +66,8 @@ pub fn least_squares(columns: &[&[f64]], samples: &[TimeSample], scales: &[f64])
         (spare, _) => {
             // Mandel and Paule: the square sum of weighted residuals falls with the deviation.
             // theory.md (78)
-            let (mut low, mut high) = (MIN_DEVIATION, 10.0);
-            let too_small = |deviation| solve(deviation).square_sum > spare as f64;
-            if !too_small(low) {
-                low
-            } else {
-                for _ in 0..40 {
-                    let middle = f64::sqrt(low * high);
-                    *(if too_small(middle) { &mut low } else { &mut high }) = middle;
-                }
-                high
-            }
+            let is_enough = |deviation| solve(deviation).square_sum <= spare as f64;
+            bisect([MIN_DEVIATION, 10.0], 1e-11, is_enough)[1]
         }
     };
     let solved = solve(deviation);

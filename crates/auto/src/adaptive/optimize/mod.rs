@@ -52,13 +52,13 @@ pub struct CountLimits {
     pub iteration_time: f64,
 }
 
-/// One number of camera paths for all pixels of the image.
+/// Time and noise at some counts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Uniform {
+pub struct Evaluated<C> {
     /// `N_F`.
     pub light_paths: u32,
     /// `N_B`.
-    pub camera_paths: u32,
+    pub camera_paths: C,
     /// Time of one iteration, seconds.
     pub iteration_time: f64,
     /// Aggregate variance of one iteration, squared luminance.
@@ -67,20 +67,11 @@ pub struct Uniform {
     pub cost: f64,
 }
 
+/// One number of camera paths for all pixels of the image.
+pub type Uniform = Evaluated<u32>;
+
 /// A number of camera paths for each pixel of the region, the lowest number outside.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PerPixel {
-    /// `N_F`.
-    pub light_paths: u32,
-    /// Camera paths of each pixel of the region.
-    pub camera_paths: Vec<u32>,
-    /// Time of one iteration, seconds.
-    pub iteration_time: f64,
-    /// Aggregate variance of one iteration, squared luminance.
-    pub variance: f64,
-    /// `iteration_time * variance`: variance after one second of rendering.
-    pub cost: f64,
-}
+pub type PerPixel = Evaluated<Vec<u32>>;
 
 /// Pixels that a search for uniform counts looks at; of more, an even selection. A prime number, so
 /// that the selection does not follow the rows of the image.
@@ -154,7 +145,7 @@ impl Problem {
         let iteration_time = self.time.iteration(n_light, n_camera);
         let variance = self.uniform_variance(n_light, n_camera);
         let cost = iteration_time * variance;
-        Uniform { light_paths, camera_paths, iteration_time, variance, cost }
+        Evaluated { light_paths, camera_paths, iteration_time, variance, cost }
     }
 
     /// Lowest time limit of an iteration that pays, seconds: the time of the best iteration with
@@ -191,7 +182,7 @@ impl Problem {
             self.pixels.iter().zip(&camera_paths).map(|(c, &n)| c.variance(n_light, f64::from(n)));
         let variance = self.objective.aggregate(variances);
         let cost = iteration_time * variance;
-        PerPixel { light_paths, camera_paths, iteration_time, variance, cost }
+        Evaluated { light_paths, camera_paths, iteration_time, variance, cost }
     }
 
     /// Seconds per iteration without camera paths in the region, and per camera path in each of

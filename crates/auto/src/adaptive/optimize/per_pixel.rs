@@ -5,8 +5,9 @@
 //! by more than that.
 
 use super::objective::above_percentile;
-use super::search::{Criterion, Score, bisect, minimize};
+use super::search::{Criterion, Score, minimize};
 use super::{Objective, PerPixel, Problem};
+use crate::bisect::bisect;
 use rayon::prelude::*;
 
 /// An even selection of at most this many pixels decides about the threshold and the number of

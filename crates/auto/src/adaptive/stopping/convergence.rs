@@ -185,19 +185,22 @@ impl Convergence {
     /// Returns true if the image has reached the target of its noise or error.
     pub fn is_good_enough(&self, stop: &Stop) -> bool {
         stop.target.is_some_and(|target| self.reaches(target))
-            || stop.error.is_some_and(|error| self.reaches_variance(stop.noise2(error)))
+            || stop
+                .error
+                .is_some_and(|error| self.is_at_most(self.weighted_variance, stop.noise2(error)))
     }
 
-    /// Returns true if the upper 90 % bound of the weighted variance is at most `allowed`. Its
-    /// relative standard error is taken from the pooled variance, whose error is larger since few
+    /// Returns true if the upper 90 % bound of a variance of the image is at most `allowed`. Its
+    /// relative standard error is that of the pooled variance, whose error is larger since few
     /// pixels dominate it.
-    fn reaches_variance(&self, allowed: f64) -> bool {
-        let bound = |(weighted, (variance, error)): (f64, (f64, f64))| {
-            weighted * (1.0 + UPPER_BOUND * error / variance)
+    fn is_at_most(&self, variance: Option<f64>, allowed: f64) -> bool {
+        let bound = |(own, (pooled, error)): (f64, (f64, f64))| {
+            // Without noise, 0/0.
+            own + UPPER_BOUND * if own > 0.0 { own * error / pooled } else { error }
         };
+        // theory.md (91)
         self.iterations >= MIN_ITERATIONS_TO_TARGET
-            // theory.md (91)
-            && self.weighted_variance.zip(self.variance).map(bound).is_some_and(|bound| bound <= allowed)
+            && variance.zip(self.variance).is_some_and(|own| bound(own) <= allowed)
     }
 
     /// Relative error, noise and bias, when the share `left` of the variance remains; `None` for
@@ -242,10 +245,8 @@ impl Convergence {
 
     /// Returns true if the upper 90 % bound of the pooled RMS is at most the target.
     pub fn reaches(&self, target: Target) -> bool {
-        let allowed = target.absolute(self.mean_luminance).powi(2);
-        self.iterations >= MIN_ITERATIONS_TO_TARGET
-            // theory.md (91)
-            && self.variance.is_some_and(|(v, error)| v + UPPER_BOUND * error <= allowed)
+        let pooled = self.variance.map(|(variance, _)| variance);
+        self.is_at_most(pooled, target.absolute(self.mean_luminance).powi(2))
     }
 
     /// Forecast after `elapsed` seconds of rendering if each further iteration takes `tau` seconds

@@ -21,8 +21,9 @@ pub const MIN_ITERATIONS_TO_TARGET: u64 = 32;
 /// square is smaller than the squared bias.
 pub const MIN_NOISE_SHARE: f64 = 0.1;
 
-/// Conditions to stop at: the first one that holds ends a render. Without any, it never ends.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Conditions to stop at: the first one that holds ends a render. Without any, it never ends. By
+/// default the relative error counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stop {
     /// Number of iterations, those of a resumed image included.
     pub iterations: Option<u64>,
@@ -41,16 +42,6 @@ pub struct Stop {
     pub pilot_bias2: f64,
     /// Squared relative difference that an audit found, if it refuted the image.
     pub difference: Option<SquaredPart>,
-}
-
-impl Default for Stop {
-    /// No condition; the relative error counts.
-    fn default() -> Self {
-        let (iterations, time, target, error) = (None, None, None, None);
-        let objective = Objective::Relative;
-        let (bias2, pilot_bias2, difference) = (0.0, 0.0, None);
-        Self { iterations, time, target, error, objective, bias2, pilot_bias2, difference }
-    }
 }
 
 impl Stop {

@@ -5,6 +5,7 @@ use super::start_up::StartUp;
 use super::{Candidate, End, FreeParameters, Technique};
 use crate::adaptive::count_choice::{least_light_paths, min_iterations_after_choice};
 use crate::adaptive::stopping::{MIN_ITERATIONS_TO_TARGET, MIN_NOISE_SHARE};
+use crate::bisect::bisect;
 use crate::timing::TimeModel;
 use bdpm_core::noise::Coefficients;
 use bdpm_core::render::bias_correction::shrinkage_of_photons;
@@ -252,29 +253,14 @@ impl CandidateCost {
     }
 }
 
-/// Share of the variance of an iteration at which the squared error is `error2`; 0 if the bias
-/// alone exceeds it.
+/// Share of the variance of an iteration at which the squared error is `error2`; next to 0 if the
+/// bias alone exceeds it.
 fn share_for(error2: f64, error_at: &impl Fn(f64) -> SquaredError) -> f64 {
-    let total = |share: f64| {
+    let reaches = |share: f64| {
         let SquaredError { noise, bias } = error_at(share);
-        noise + bias
+        noise + bias >= error2
     };
-    let (mut low, mut high) = (0.0, 1.0);
-    if total(low) > error2 {
-        return low;
-    }
-    while total(high) < error2 && high < 1e12 {
-        high *= 4.0;
-    }
-    for _ in 0..40 {
-        let middle = 0.5 * (low + high);
-        if total(middle) < error2 {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    low
+    bisect([1e-15, 1e12], 1e-9, reaches)[0]
 }
 
 impl Best {

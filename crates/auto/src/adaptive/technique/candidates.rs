@@ -42,20 +42,15 @@ impl SceneTraits {
             passes && !own.is_index_matched_boundary()
         };
         let has_casters = placed_materials(scene).any(is_smooth);
-        let needs_photons = has_delta_lights && has_casters || has_rare_sunlight(scene);
-        let may_weight = scene.media().is_none_or(Media::allows_weighted_merges);
-        let media_scatter = scene.media().is_some_and(Media::any_scatters);
         let is_dense = |media: &Media| media.largest_extinction() * scene.size() > DENSE;
-        let media_are_dense = scene.media().is_some_and(is_dense);
-        let has_meters = scene.meters().is_some();
         Self {
-            needs_photons,
+            needs_photons: has_delta_lights && has_casters || has_rare_sunlight(scene),
             has_casters,
-            may_weight,
-            media_scatter,
-            media_are_dense,
+            may_weight: scene.media().is_none_or(Media::allows_weighted_merges),
+            media_scatter: scene.media().is_some_and(Media::any_scatters),
+            media_are_dense: scene.media().is_some_and(is_dense),
             is_denoised,
-            has_meters,
+            has_meters: scene.meters().is_some(),
         }
     }
 }
@@ -97,9 +92,17 @@ impl Technique {
             true => vec![Direct::Connect, Direct::PhotonMap],
             false => vec![own.direct],
         };
+        // Direct light from the photon map pays only where all light is merged at the first vertex.
+        let is_sensible = |(strategy, merge_vertex), direct| {
+            !open.direct
+                || direct == Direct::Connect
+                || (strategy, merge_vertex) == (Strategy::Single, 1)
+        };
         let mut all = Vec::new();
         for &direct in &directs {
-            for &(strategy, merge_vertex) in &strategies {
+            for &(strategy, merge_vertex) in
+                strategies.iter().filter(|own| is_sensible(**own, direct))
+            {
                 let splitting = if open.splitting { 1 } else { own.splitting };
                 let plain = Self { strategy, merge_vertex, direct, splitting, ..own };
                 let of = |query| Self { medium_query: Some(query), ..plain };
@@ -113,18 +116,8 @@ impl Technique {
                 }
             }
         }
-        let is_sensible = |it: &Self| {
-            // Direct light from the photon map pays only where all light is merged at the first
-            // vertex.
-            let direct = it.direct == own.direct && !open.direct
-                || it.direct == Direct::Connect
-                || (it.strategy, it.merge_vertex) == (Strategy::Single, 1);
-            // Weights do not know splitting.
-            let splitting = it.splitting == 1 || !it.strategy.weighs_merges();
-            direct && splitting
-        };
-        all.retain(is_sensible);
-        all.dedup();
+        // Weights do not know splitting.
+        all.retain(|own| own.splitting == 1 || !own.strategy.weighs_merges());
         all
     }
 }

@@ -17,7 +17,6 @@ use crate::timing::TimeModel;
 use crate::timing::least_squares::not_negative_parts;
 use bdpm_core::film::annulus::left_at_half;
 use bdpm_core::noise::Coefficients;
-use bdpm_core::render::NestedPart;
 use bdpm_core::transport::kernel::ByClass;
 use bdpm_core::transport::photon::PhotonClass;
 use std::array::from_fn;
@@ -132,7 +131,7 @@ impl Model {
                 continue;
             }
             // The last trial that measured the bias of this class, or the prior if none did.
-            let trial = trials.iter().rfind(|trial| trial.nests == Some(NestedPart::Class(class)));
+            let trial = trials.iter().rfind(|trial| trial.nests == Some(class));
             let radius = trial.unwrap_or(&trials[0]).radii[class as usize];
             let prior = BiasPrior::of(class, technique, radius / across);
             bias[class as usize] = Some(match trial {

@@ -13,12 +13,12 @@ use super::trial_runner::TrialRunner;
 use super::{End, FreeParameters, Selection, Technique};
 use bdpm_core::base::error::Result;
 use bdpm_core::film::radiance::luminance_weights;
-use bdpm_core::render::NestedPart;
 use bdpm_core::render::Renderer;
 use bdpm_core::settings::{Bias, Direct, Settings};
 use bdpm_core::transport::kernel::ByClass;
 use bdpm_core::transport::photon::PhotonClass;
 use std::array::from_fn;
+use std::mem::take;
 use std::time::Instant;
 
 /// Shares of the pilot's time for its rounds: all techniques, the better ones at large radii, and
@@ -80,19 +80,9 @@ pub fn run(
     };
     let mut runner = TrialRunner::new(renderer, each)?;
     let guide = if open.guide { runner.learn_guide(LEARNING_SHARE * budget)? } else { None };
-    let radii = Radii::new(settings, open);
-    let (tried, least_luminance) = (Vec::new(), 0.0);
-    let mut pilot = Pilot {
-        settings,
-        demand,
-        runner,
-        radii,
-        start,
-        budget,
-        tried,
-        least_luminance,
-        refuted: Vec::new(),
-    };
+    let (tried, refuted, least_luminance) = (Vec::new(), Vec::new(), 0.0);
+    let mut pilot =
+        Pilot { settings, demand, runner, start, budget, tried, least_luminance, refuted };
     pilot.screen(candidates, each)?;
     pilot.try_large_radii(large)?;
     let finalists = pilot.finish(racing)?;
@@ -126,7 +116,6 @@ pub(super) struct Pilot<'a> {
     pub settings: &'a Settings,
     pub demand: CandidateCost,
     pub runner: TrialRunner<'a>,
-    radii: Radii,
     start: Instant,
     /// Seconds.
     budget: f64,
@@ -160,7 +149,7 @@ impl Pilot<'_> {
     /// not much worse than the best.
     fn screen(&mut self, techniques: Vec<Technique>, seconds: f64) -> Result<()> {
         for technique in techniques {
-            let settings = technique.with(self.settings, self.radii.settings);
+            let settings = technique.with(self.settings, self.radii([1.0; 2]));
             let first = self.trial(&settings, None, seconds)?;
             self.tried.push(Tried { technique, trials: vec![first], is_reserve: false });
         }
@@ -169,10 +158,8 @@ impl Pilot<'_> {
         }
         let weights = common_weights(&self.tried);
         self.refute(&weights);
-        let rank =
-            |tried: &Tried| self.model(tried, &weights).best(&self.demand).rank(&self.demand);
-        let ranks: Vec<f64> = self.tried.iter().map(rank).collect();
-        let mut ranked: Vec<_> = ranks.into_iter().zip(self.tried.drain(..)).collect();
+        let tried = take(&mut self.tried).into_iter();
+        let mut ranked: Vec<_> = tried.map(|own| (self.rank(&own, &weights), own)).collect();
         ranked.sort_by(|one, other| one.0.total_cmp(&other.0));
         // A photon map that few pixels see looks less noisy than it is.
         let is_known = |(_, tried): &&(f64, Tried)| !tried.is_thin(&weights[..]);
@@ -187,34 +174,30 @@ impl Pilot<'_> {
         Ok(())
     }
 
+    fn rank(&self, tried: &Tried, weights: &[f64]) -> f64 {
+        self.model(tried, weights).best(&self.demand).rank(&self.demand)
+    }
+
     /// Leaves out techniques whose trials disagree with that of path tracing.
     fn refute(&mut self, weights: &[f64]) {
-        let Some(index) = self.tried.iter().position(|own| !own.technique.merges()) else { return };
-        let path = self.tried.remove(index);
+        let Some(path) = self.tried.iter().find(|own| !own.technique.merges()) else { return };
         let brightest = self.runner.brightest();
-        let is_refuted = |own: &Tried| {
+        let is_refuted = |own: &&Tried| {
             let trial = &own.trials[0];
             let bias2 = self.model(own, weights).bias2_at(trial.radii);
-            disagrees(trial, &path.trials[0], weights, (bias2, brightest))
+            own.technique != path.technique
+                && disagrees(trial, &path.trials[0], weights, (bias2, brightest))
         };
-        let refuted: Vec<bool> = self.tried.iter().map(is_refuted).collect();
-        let mut refuted = refuted.into_iter();
-        let left_out = |own: &mut Tried| {
-            let is_refuted = refuted.next().expect("one for each");
-            if is_refuted {
-                self.refuted.push(own.technique);
-            }
-            is_refuted
-        };
-        self.tried.extract_if(.., left_out).for_each(drop);
-        self.tried.insert(index.min(self.tried.len()), path);
+        let refuted = self.tried.iter().filter(is_refuted).map(|own| own.technique);
+        self.refuted = refuted.collect();
+        self.tried.retain(|own| !self.refuted.contains(&own.technique));
     }
 
     /// Runs a trial, and lets it know the light that all trials so far found at least.
     pub fn trial(
         &mut self,
         settings: &Settings,
-        nests: Option<NestedPart>,
+        nests: Option<PhotonClass>,
         seconds: f64,
     ) -> Result<Trial> {
         let mut trial = self.runner.trial(settings, nests, seconds)?;
@@ -242,20 +225,16 @@ impl Pilot<'_> {
         let trials: usize = self.tried.iter().map(|tried| tried.classes().count()).sum();
         let seconds = seconds / trials.max(1) as f64;
         let mut done = 0;
-        for mut tried in std::mem::take(&mut self.tried) {
+        for mut tried in take(&mut self.tried) {
             let is_over = self.start.elapsed().as_secs_f64() > self.budget;
             if tried.technique.merges() && done >= MIN_AT_LARGE_RADII && is_over {
                 // Too little is known of it.
                 continue;
             }
             for nests in tried.classes() {
-                let radii = self.radii.large(nests, tried.technique.strategy.has_cache());
+                let radii = self.large_radii(nests, tried.technique.strategy.has_cache());
                 let settings = tried.technique.with(self.settings, radii);
-                tried.trials.push(self.trial(
-                    &settings,
-                    Some(NestedPart::Class(nests)),
-                    seconds,
-                )?);
+                tried.trials.push(self.trial(&settings, Some(nests), seconds)?);
                 done += u32::from(Some(nests) == tried.classes().next());
             }
             self.tried.push(tried);
@@ -290,9 +269,7 @@ impl Pilot<'_> {
         first.best = self.with_beam_times(&first.model, first.best)?;
         Ok(finalists)
     }
-}
 
-impl Pilot<'_> {
     /// The end of the image, if the rest of the pilot takes its share of the time: a pilot of less
     /// than a second takes longer than its budget.
     fn end_after_overrun(&self) -> End {
@@ -303,6 +280,26 @@ impl Pilot<'_> {
             End::Time(time) => End::Time((time - late).max(0.25 * time)),
             error => error,
         }
+    }
+
+    /// Merge radii of trials by class of photons, scene units: those that are open by a factor.
+    fn radii(&self, factors: ByClass<f32>) -> ByClass<f32> {
+        let CandidateCost { open, requested: [caustic, radius], .. } = self.demand;
+        // Where both are open, both start from the larger radius.
+        let start = [if open.caustic_radius { radius } else { caustic }, radius];
+        let open = [open.caustic_radius, open.radius];
+        from_fn(|class| start[class] * if open[class] { factors[class] } else { 1.0 })
+    }
+
+    /// A large radius for one class of photons, whose bias then stands out from the noise. That of
+    /// a cache is never chosen.
+    fn large_radii(&self, class: PhotonClass, has_cache: bool) -> ByClass<f32> {
+        let mut factors = [SMALLEST_SCALE; 2];
+        if has_cache {
+            factors[PhotonClass::Diffuse as usize] = 1.0;
+        }
+        factors[class as usize] = LARGEST_SCALE;
+        self.radii(factors)
     }
 }
 
@@ -320,35 +317,6 @@ impl Tried {
         let has_caustics = merges && self.trials[0].has_caustic_photons;
         let all = [(PhotonClass::Diffuse, has_diffuse), (PhotonClass::Caustic, has_caustics)];
         all.into_iter().filter(|(_, is_merged)| *is_merged).map(|(class, _)| class)
-    }
-}
-
-/// Merge radii of trials, by class of photons, scene units.
-struct Radii {
-    settings: ByClass<f32>,
-    open: ByClass<bool>,
-}
-
-impl Radii {
-    fn new(settings: &Settings, open: FreeParameters) -> Self {
-        let Settings { radius, caustic_radius, .. } = *settings;
-        // Where both are open, both start from the larger radius.
-        let caustic_radius = if open.caustic_radius { radius } else { caustic_radius };
-        let mut own = Self { settings: [radius; 2], open: [open.radius; 2] };
-        own.settings[PhotonClass::Caustic as usize] = caustic_radius;
-        own.open[PhotonClass::Caustic as usize] = open.caustic_radius;
-        own
-    }
-
-    /// A large radius for one class of photons, whose bias then stands out from the noise. That of
-    /// a cache is never chosen.
-    fn large(&self, class: PhotonClass, has_cache: bool) -> ByClass<f32> {
-        let mut scale = [SMALLEST_SCALE; 2];
-        if has_cache {
-            scale[PhotonClass::Diffuse as usize] = 1.0;
-        }
-        scale[class as usize] = LARGEST_SCALE;
-        from_fn(|class| self.settings[class] * if self.open[class] { scale[class] } else { 1.0 })
     }
 }
 

@@ -9,12 +9,11 @@ use super::candidate_cost::{Best, CandidateCost};
 use super::lane::{LANE_CAMERA_PATHS, Lane, LaneMeasurement};
 use super::model::{ImageScale, Model};
 use super::pilot::Finalist;
-use super::trial::{BIAS_TOLERANCE, missed_share};
+use super::trial::{BIAS_TOLERANCE, missed_light, missed_share};
 use super::trial_runner::TrialRunner;
 use super::{End, Technique};
 use bdpm_core::base::error::Result;
 use bdpm_core::film::radiance::luminance_weights;
-use bdpm_core::noise::Coefficients;
 use bdpm_core::settings::{MEDIUM_SCALES, Settings};
 use std::ops::Range;
 
@@ -223,13 +222,8 @@ impl Racer {
         let LaneMeasurement { image, start_up, luminance, paths, .. } = measured;
         let model = self.finalist.model.matched(image, track.scale);
         let model = model.with_start_up(image.radii, *start_up);
-        // theory.md (93f)
         let share = missed_share(*luminance, least).max(self.finalist.missed);
-        let missed = paths * share.powi(2);
-        let missed = match model.technique.merges() {
-            true => Coefficients { f: missed, ..Coefficients::default() },
-            false => Coefficients { b: missed, ..Coefficients::default() },
-        };
+        let missed = missed_light(model.technique.merges(), *paths, share);
         let coefficients = image.coefficients + missed;
         let time = model.time(image.radii);
         let medium_scale = self.finalist.best.medium_scale;
@@ -301,6 +295,7 @@ mod tests {
     use crate::adaptive::technique::FreeParameters;
     use crate::adaptive::technique::candidate_cost::tests::demand;
     use crate::test_scene::TestScene;
+    use bdpm_core::noise::Coefficients;
 
     /// Radii of the lanes of a race in `scenes/keyhole`, the best first: the same technique at
     /// these radii.

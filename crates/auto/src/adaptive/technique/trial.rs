@@ -5,8 +5,8 @@ use super::start_up::StartUp;
 use crate::timing::TimeModel;
 use bdpm_core::noise::Coefficients;
 use bdpm_core::noise::image::NoiseImage;
-use bdpm_core::render::NestedPart;
 use bdpm_core::transport::kernel::ByClass;
+use bdpm_core::transport::photon::PhotonClass;
 
 /// Part of the mean luminance that may be missing from a trial because of its merge bias.
 pub const BIAS_TOLERANCE: f64 = 0.05;
@@ -15,8 +15,8 @@ pub const BIAS_TOLERANCE: f64 = 0.05;
 pub struct Trial {
     /// Merge radii, scene units.
     pub radii: ByClass<f64>,
-    /// The merges whose bias was measured, if any.
-    pub nests: Option<NestedPart>,
+    /// The class of photons whose bias was measured, if any.
+    pub nests: Option<PhotonClass>,
     /// Noise of the sample of the pixels.
     pub noise: NoiseImage,
     /// Times of an iteration of the whole image.
@@ -41,6 +41,14 @@ pub fn missed_share(luminance: f64, least: f64) -> f64 {
     if share > 0.0 && least > 0.0 { share } else { 0.0 }
 }
 
+/// Noise of light of which so many `paths` missed a share: light paths if photons are merged.
+/// theory.md (93f)
+pub fn missed_light(merges: bool, paths: f64, share: f64) -> Coefficients {
+    let missed = paths * share.powi(2);
+    let [b, f] = if merges { [0.0, missed] } else { [missed, 0.0] };
+    Coefficients { a: 0.0, b, f }
+}
+
 impl Trial {
     /// Mean luminance of the sample, W/(m^2 sr).
     pub fn luminance(&self) -> f64 {
@@ -63,16 +71,11 @@ impl Trial {
     /// at least this mean luminance. If `n` paths miss a share `d` of the light, few of them carry
     /// it, and its second moment is about `n d^2`. theory.md (93f)
     pub fn set_missed_light(&mut self, least_luminance: f64) {
-        let square = missed_share(self.luminance(), least_luminance).powi(2);
+        let share = missed_share(self.luminance(), least_luminance);
         let NoiseImage { pixels, iterations, light_paths, camera_paths, .. } = &self.noise;
-        let iterations = *iterations as f64;
-        let camera = pixels.len() as f64 * f64::from(*camera_paths) * iterations * square;
-        let light = f64::from(*light_paths) * iterations * square;
-        self.missed = Coefficients {
-            b: if self.merges { 0.0 } else { camera },
-            f: if self.merges { light } else { 0.0 },
-            ..Coefficients::default()
-        };
+        let camera_paths = pixels.len() as f64 * f64::from(*camera_paths);
+        let paths = if self.merges { f64::from(*light_paths) } else { camera_paths };
+        self.missed = missed_light(self.merges, paths * *iterations as f64, share);
     }
 
     /// Mean coefficients over weighted pixels. While few pixels have received photons, evenly

@@ -20,6 +20,7 @@ use bdpm_core::render::{NestedPart, RenderConfig};
 use bdpm_core::scene::Scene;
 use bdpm_core::scene::lights::guide::Guide;
 use bdpm_core::settings::Settings;
+use bdpm_core::transport::photon::PhotonClass;
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
@@ -181,7 +182,7 @@ impl<'a> TrialRunner<'a> {
     pub fn trial(
         &mut self,
         settings: &Settings,
-        nests: Option<NestedPart>,
+        nests: Option<PhotonClass>,
         seconds: f64,
     ) -> Result<Trial> {
         let begun = Instant::now();
@@ -191,7 +192,7 @@ impl<'a> TrialRunner<'a> {
         let renderer = renderer.guided(self.guide.clone());
         let batches = RenderConfig::with_pixel_batches();
         let config = RenderConfig {
-            nested_part: nests,
+            nested_part: nests.map(NestedPart::Class),
             independent_paths: true,
             hides_lights: true,
             ..batches
@@ -219,7 +220,7 @@ impl<'a> TrialRunner<'a> {
     }
 
     /// Settings of a trial of the technique of `settings`.
-    fn settings_of_trial(&self, settings: &Settings, nests: Option<NestedPart>) -> Settings {
+    fn settings_of_trial(&self, settings: &Settings, nests: Option<PhotonClass>) -> Settings {
         // As many photons as without splitting, so that trials of all techniques have similar
         // numbers of iterations.
         let least = if settings.has_cache() { LEAST_SUFFIX_PATHS } else { LEAST_LIGHT_PATHS };
@@ -234,8 +235,7 @@ impl<'a> TrialRunner<'a> {
             mis_scales: Some(settings.mis_scales()),
             ..settings.clone()
         };
-        if matches!(nests, Some(NestedPart::Class(_))) && of_trial.caustic_radius == of_trial.radius
-        {
+        if nests.is_some() && of_trial.caustic_radius == of_trial.radius {
             // With equal radii the nested radii would measure the bias of both classes together.
             of_trial.caustic_radius *= RADIUS_RATIO;
         }
@@ -379,7 +379,6 @@ mod tests {
     use crate::adaptive::technique::trial::BIAS_TOLERANCE;
     use crate::test_scene::TestScene;
     use bdpm_core::settings::{Direct, Kernel, Strategy};
-    use bdpm_core::transport::photon::PhotonClass;
 
     #[test]
     fn equal_radii_measure_the_bias_of_each_class_separately() {
@@ -392,7 +391,7 @@ mod tests {
         let mut runner = TrialRunner::new(&renderer, 0.0).unwrap();
         // Without time a trial takes two iterations, with equal samples each time.
         let mut nested = |class| -> Vec<f64> {
-            let trial = runner.trial(&own, Some(NestedPart::Class(class)), 0.0).unwrap();
+            let trial = runner.trial(&own, Some(class), 0.0).unwrap();
             trial.noise.pixels.iter().map(|pixel| pixel.noise.nested[1]).collect()
         };
         let [every, last] = [PhotonClass::Caustic, PhotonClass::Diffuse].map(&mut nested);
