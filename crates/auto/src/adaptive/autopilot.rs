@@ -10,8 +10,7 @@ use bdpm_core::noise::Measure;
 use bdpm_core::noise::film::BatchGrain;
 use bdpm_core::noise::schedule::{MEASURE_EVERY, MeasureSchedule};
 use bdpm_core::render::Renderer;
-use bdpm_core::render::block;
-use bdpm_core::render::block::Block;
+use bdpm_core::render::block::{self, Block};
 use bdpm_core::render::max_blocks;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
@@ -39,15 +38,21 @@ const LAST_CHOICE_SHARE: f64 = 0.25;
 /// Share of the time after which the counts stay as they are, and the error at the end is promised.
 const PROMISE_SHARE: f64 = 1.0 / 3.0;
 
+/// How counts are chosen.
+#[derive(Clone, Copy, Debug)]
+pub struct CountOptions {
+    /// True if camera paths may differ between pixels.
+    pub per_pixel: bool,
+    /// The image is denoised: what counts is the noise that is left.
+    pub denoises: bool,
+    /// Known times, which replace the measured ones.
+    pub times: Option<TimeModel>,
+}
+
 /// Chooses the counts of a renderer while it renders.
 #[derive(Debug)]
 pub struct Autopilot {
-    /// True if camera paths may differ between pixels.
-    per_pixel: bool,
-    /// The image is denoised: what counts is the noise that is left.
-    denoises: bool,
-    /// Known times, which replace the measured ones.
-    times: Option<TimeModel>,
+    options: CountOptions,
     /// Rendering time before this run.
     earlier: f64,
     state: AutopilotState,
@@ -109,7 +114,8 @@ pub struct Promise {
 }
 
 impl AutopilotState {
-    /// State before the first iteration.
+    /// State before the first iteration. `pilot_times` are proportional to the times of the image.
+    /// `bias2` is the squared relative bias that the pilot expects.
     pub fn new(pilot_times: TimeModel, bias2: f64) -> Self {
         Self {
             elapsed: 0.0,
@@ -135,42 +141,15 @@ impl AutopilotState {
 }
 
 impl Autopilot {
-    /// Starts with the counts of the renderer's settings. `pilot_times` are proportional to the
-    /// times of the image. `bias2` is the squared relative bias that the pilot expects.
-    pub fn new(pilot_times: TimeModel, bias2: f64) -> Self {
-        Self::resume(AutopilotState::new(pilot_times, bias2))
-    }
-
-    /// Resumes from `state`.
-    pub fn resume(state: AutopilotState) -> Self {
-        let earlier = state.elapsed;
-        let denoises = false;
-        Self { per_pixel: true, denoises, times: None, earlier, state, failure: None }
+    /// Starts with the counts of the renderer's settings, or resumes.
+    pub fn new(state: AutopilotState, options: CountOptions) -> Self {
+        Self { options, earlier: state.elapsed, state, failure: None }
     }
 
     /// Starts again with the counts of other settings.
     #[must_use]
-    pub fn restarted(&self, pilot_times: TimeModel, bias2: f64) -> Self {
-        let Self { per_pixel, denoises, times, .. } = *self;
-        Self { per_pixel, denoises, times, ..Self::new(pilot_times, bias2) }
-    }
-
-    /// Chooses equal counts for every pixel.
-    #[must_use]
-    pub fn uniform(self) -> Self {
-        Self { per_pixel: false, ..self }
-    }
-
-    /// Chooses counts for an image that is denoised, if `denoises`.
-    #[must_use]
-    pub fn denoised(self, denoises: bool) -> Self {
-        Self { denoises, ..self }
-    }
-
-    /// Chooses by known times instead of measured ones.
-    #[must_use]
-    pub fn with_times(self, times: TimeModel) -> Self {
-        Self { times: Some(times), ..self }
+    pub fn restarted(&self, state: AutopilotState) -> Self {
+        Self::new(state, self.options)
     }
 
     /// Takes the reason why the latest choice of counts failed, if it did. The counts in force were
@@ -209,10 +188,10 @@ impl Autopilot {
     fn choose(&self, renderer: &Renderer, stop: &Stop, elapsed: f64) -> CountChoice {
         let convergence = convergence(renderer, stop);
         let ranks = f64::from(renderer.config().ranks);
-        let times = self.times.map(|times| times.scaled(ranks.recip()));
+        let CountOptions { per_pixel, denoises, times } = self.options;
+        let times = times.map(|times| times.scaled(ranks.recip()));
         let times =
             times.unwrap_or_else(|| fitted_times(&self.state.pilot_times, renderer.blocks()));
-        let Self { per_pixel, denoises, .. } = *self;
         CountChooser { renderer, convergence, stop, elapsed, times, per_pixel, denoises }.choose()
     }
 

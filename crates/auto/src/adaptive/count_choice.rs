@@ -12,8 +12,7 @@ use bdpm_core::film::counts::{CameraCounts, Counts};
 use bdpm_core::film::radiance::{box_filter, luminance_weights};
 use bdpm_core::noise::Coefficients;
 use bdpm_core::render::Renderer;
-use bdpm_core::render::block;
-use bdpm_core::render::block::{Block, CombinedImage};
+use bdpm_core::render::block::{self, Block, CombinedImage};
 use bdpm_core::settings::Settings;
 use serde::{Deserialize, Serialize};
 

@@ -8,8 +8,7 @@ use bdpm_core::base::iteration_set::IterationSet;
 use bdpm_core::noise::Measure;
 use bdpm_core::noise::schedule::MeasureSchedule;
 use bdpm_core::render::Renderer;
-use bdpm_core::render::block;
-use bdpm_core::render::block::Block;
+use bdpm_core::render::block::{self, Block};
 use std::ops::Range;
 
 /// Decides on path counts and measuring while an image is rendered.
@@ -50,10 +49,8 @@ impl CountPolicy {
     /// Takes the reason why the latest choice of counts failed, if it did. The counts in force were
     /// kept.
     pub fn take_failure(&mut self) -> Option<Error> {
-        match self {
-            Self::Automatic(autopilot) => autopilot.take_failure(),
-            Self::Fixed(_) | Self::Plan(_) => None,
-        }
+        let Self::Automatic(autopilot) = self else { return None };
+        autopilot.take_failure()
     }
 
     /// The iterations that are measured before the next decision.
@@ -67,18 +64,13 @@ impl CountPolicy {
 
     /// Iterations that the block with the first iteration `first` may have.
     pub fn range(&self, first: u64) -> Range<u64> {
-        match self {
-            Self::Plan(replay) => replay.range(first),
-            Self::Fixed(_) | Self::Automatic(_) => first..u64::MAX,
-        }
+        self.replay().map_or(first..u64::MAX, |replay| replay.range(first))
     }
 
     /// Weight of an iteration of each block, for this importance of the pixels.
     pub fn weights(&self, blocks: &[Block], importance: &[f64]) -> Vec<f64> {
-        match self {
-            Self::Plan(replay) => replay.plan.weights(blocks),
-            Self::Fixed(_) | Self::Automatic(_) => block::weights(blocks, importance),
-        }
+        let planned = self.plan().map(|plan| plan.weights(blocks));
+        planned.unwrap_or_else(|| block::weights(blocks, importance))
     }
 
     /// Seconds per iteration from now on, after `done` iterations in `elapsed` seconds of this run;
@@ -93,26 +85,25 @@ impl CountPolicy {
     /// State for a checkpoint, after `elapsed` seconds of this run; `None` if the iterations
     /// suffice to resume.
     pub fn state(&self, elapsed: f64) -> Option<AutopilotState> {
-        match self {
-            Self::Automatic(autopilot) => Some(autopilot.state(elapsed)),
-            Self::Fixed(_) | Self::Plan(_) => None,
-        }
+        self.autopilot().map(|autopilot| autopilot.state(elapsed))
     }
 
     /// The plan that is rendered, if there is one.
     pub fn plan(&self) -> Option<&Plan> {
-        match self {
-            Self::Plan(replay) => Some(&replay.plan),
-            Self::Fixed(_) | Self::Automatic(_) => None,
-        }
+        self.replay().map(|replay| &replay.plan)
     }
 
     /// The promised error or time, once there is one.
     pub fn promise(&self) -> Option<&Promise> {
-        match self {
-            Self::Automatic(autopilot) => autopilot.promise(),
-            Self::Fixed(_) | Self::Plan(_) => None,
-        }
+        self.autopilot()?.promise()
+    }
+
+    fn autopilot(&self) -> Option<&Autopilot> {
+        if let Self::Automatic(autopilot) = self { Some(autopilot) } else { None }
+    }
+
+    fn replay(&self) -> Option<&Replay> {
+        if let Self::Plan(replay) = self { Some(replay) } else { None }
     }
 }
 

@@ -45,7 +45,7 @@ use crate::mpi::{Ranks, SingleProcess};
 use crate::output::checkpoint::{Checkpoint, ShardedImage};
 use crate::output::denoise::ErrorSummary;
 use audit::AuditPace;
-use bdpm_auto::adaptive::autopilot::Autopilot;
+use bdpm_auto::adaptive::autopilot::{Autopilot, AutopilotState, CountOptions};
 use bdpm_auto::adaptive::count_policy::{CountPolicy, Replay};
 use bdpm_auto::adaptive::plan::Plan;
 use bdpm_auto::adaptive::stopping::{Stop, Target};
@@ -396,20 +396,16 @@ impl RenderJob {
                 checkpoint.plan
             }
         };
-        let autopilot = match (plan, selection, state) {
+        let state = match (plan, selection, state) {
             (Some(plan), ..) => return Ok(CountPolicy::Plan(Replay::new(plan))),
-            (None, Some(selection), _) => Autopilot::new(selection.best().times, stop.bias2),
-            (None, None, Some(state)) => Autopilot::resume(state),
+            (None, Some(selection), _) => AutopilotState::new(selection.best().times, stop.bias2),
+            (None, None, Some(state)) => state,
             (None, None, None) => return Ok(CountPolicy::Fixed(self.schedule)),
         };
-        let autopilot = autopilot.denoised(self.denoises());
         // Coefficients of single pixels belong to one pair of path counts.
-        let autopilot = if self.pixel_noise { autopilot.uniform() } else { autopilot };
-        let autopilot = match times {
-            Some(times) => autopilot.with_times(times),
-            None => autopilot,
-        };
-        Ok(CountPolicy::Automatic(Box::new(autopilot)))
+        let (per_pixel, denoises) = (!self.pixel_noise, self.denoises());
+        let options = CountOptions { per_pixel, denoises, times };
+        Ok(CountPolicy::Automatic(Box::new(Autopilot::new(state, options))))
     }
 
     /// The model of known times, if they belong to this scene and these settings.

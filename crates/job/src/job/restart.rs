@@ -2,6 +2,7 @@
 
 use super::state::RenderState;
 use super::status::Status;
+use bdpm_auto::adaptive::autopilot::AutopilotState;
 use bdpm_auto::adaptive::count_policy::CountPolicy;
 use bdpm_auto::adaptive::technique::Selection;
 use bdpm_core::base::error::Result;
@@ -23,7 +24,8 @@ impl RenderState {
         self.provenance.settings = settings;
         self.stop = self.stop.with_pilot_bias2(selection.best().bias.powi(2));
         if let CountPolicy::Automatic(autopilot) = &mut self.policy {
-            **autopilot = autopilot.restarted(selection.best().times, self.stop.bias2);
+            let state = AutopilotState::new(selection.best().times, self.stop.bias2);
+            **autopilot = autopilot.restarted(state);
         }
         self.status = Status::default();
         self.latest = Mutex::default();

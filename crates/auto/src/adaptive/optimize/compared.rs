@@ -101,24 +101,19 @@ impl ComparedCounts {
     pub fn rows(&self, measured: &MeasuredProblem, budget: Budget) -> Vec<CountsRow> {
         let row = |(name, counts): &(RowName, Counts)| {
             let (iteration_time, rms) = (measured.time(counts), measured.rms(counts));
-            let scaled = |scale: f64, error_scale: f64| Predicted {
-                value: rms.value * scale,
-                error: rms.error.map(|error| error * error_scale),
-            };
-            let (mut rms_after, mut time_to_target) = (None, None);
-            match budget {
-                Budget::Unbounded => {}
+            let (rms_after, time_to_target) = match budget {
+                Budget::Unbounded => (None, None),
                 Budget::Time(time) => {
                     let scale = (iteration_time / time).sqrt();
-                    rms_after = Some(scaled(scale, scale));
+                    (Some(rms.scaled(scale, scale)), None)
                 }
                 // tau (rms/target)^2, whose relative error is twice that of the RMS.
                 // theory.md (77)
                 Budget::Rms(target) => {
                     let scale = iteration_time * rms.value / (target * target);
-                    time_to_target = Some(scaled(scale, 2.0 * scale));
+                    (None, Some(rms.scaled(scale, 2.0 * scale)))
                 }
-            }
+            };
             CountsRow {
                 name: *name,
                 light_paths: counts.light_paths,

@@ -25,6 +25,13 @@ pub struct Predicted {
     pub error: Option<f64>,
 }
 
+impl Predicted {
+    /// The value and its standard error times these factors.
+    pub(super) fn scaled(self, scale: f64, error_scale: f64) -> Self {
+        Self { value: self.value * scale, error: self.error.map(|error| error * error_scale) }
+    }
+}
+
 impl From<Predicted> for (f64, Option<f64>) {
     /// Value and standard error.
     fn from(Predicted { value, error }: Predicted) -> Self {
@@ -110,11 +117,7 @@ impl Source<'_> {
             let iterations = time / tau;
             // theory.md (77)
             let scale = iterations.sqrt().recip();
-            let after = |rms: Predicted| Predicted {
-                value: rms.value * scale,
-                error: rms.error.map(|error| error * scale),
-            };
-            let (pooled_rms, mean_rms) = (after(pooled_rms), after(mean_rms));
+            let [pooled_rms, mean_rms] = [pooled_rms, mean_rms].map(|rms| rms.scaled(scale, scale));
             Timed { tau, iterations, pooled_rms, mean_rms }
         });
         Prediction { light_paths: n_light, camera_paths: n_camera, pooled_rms, mean_rms, timed }

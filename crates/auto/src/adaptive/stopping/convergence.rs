@@ -7,8 +7,7 @@ use bdpm_core::film::radiance::total;
 use bdpm_core::film::windows::sum_of_squared_sums;
 use bdpm_core::noise::Coefficients;
 use bdpm_core::noise::merge_bias::UPPER_BOUND;
-use bdpm_core::render::block;
-use bdpm_core::render::block::{Block, CombinedImage};
+use bdpm_core::render::block::{self, Block, CombinedImage};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 

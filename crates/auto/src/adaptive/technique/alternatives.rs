@@ -97,7 +97,7 @@ impl Alternatives {
 mod tests {
     use super::*;
     use crate::adaptive::technique::FreeParameters;
-    use crate::adaptive::technique::candidate_cost::tests::demand;
+    use crate::adaptive::technique::candidate_cost::{Best, tests::demand};
     use crate::adaptive::technique::model::{ImageScale, Model};
     use crate::adaptive::technique::trial_runner::TrialRunner;
     use crate::test_scene::TestScene;
@@ -120,7 +120,7 @@ mod tests {
             let radii = [f64::from(own.radius); 2];
             let coefficients = Coefficients { a: 0.0, b, f: 0.0 };
             let best = model.evaluate(&coefficients, &model.time(radii), &demand, radii);
-            Finalist { model, best: best.tried(tried), is_reserve: false, missed: 0.0 }
+            Finalist { model, best: Best { tried, ..best }, is_reserve: false, missed: 0.0 }
         };
         (of.iter().map(finalist).collect(), demand)
     }

@@ -10,10 +10,11 @@ use super::End;
 use super::candidate_cost::{Best, CandidateCost, RenderTime};
 use super::model::Model;
 use super::pilot::Pilot;
-use super::trial_runner::TrialRunner;
+use super::trial_runner::{TrialRunner, stride};
 use crate::timing::TimeModel;
 use bdpm_core::base::error::Result;
 use bdpm_core::noise::Measure;
+use bdpm_core::render::RenderConfig;
 use bdpm_core::settings::{MediumQuery, Settings};
 use std::time::Duration;
 
@@ -56,8 +57,10 @@ impl Pilot<'_> {
         let (start_up, coefficients) = (model.time(best.radii).start_up, best.coefficients);
         for _ in 0..MOST_TIMED {
             let n_light = best.light_paths.min(most / best.times.light_path).max(LEAST_LIGHT_PATHS);
-            let settings =
-                Settings { light_paths: n_light as u32, ..best.settings(self.settings, technique) };
+            let settings = Settings {
+                light_paths: n_light as u32,
+                ..best.scored(technique).apply(self.settings)
+            };
             let times = self.runner.beam_times(settings, &best.times)?;
             let at = |light_paths: f64| {
                 let time = RenderTime { times: at_count(&times, n_light, light_paths), start_up };
@@ -101,12 +104,9 @@ impl TrialRunner<'_> {
     /// merging that a sample of the pixels takes with all light paths.
     fn beam_times(&mut self, settings: Settings, known: &TimeModel) -> Result<TimeModel> {
         let n_light = f64::from(settings.light_paths);
-        let index = self.with_areas_of(&settings)?;
-        let stride = (self.pixels / TIMED_PATHS).sqrt() as u32;
-        let stride = stride.clamp(1, settings.width.min(settings.height));
+        let stride = stride(&settings, TIMED_PATHS);
         let settings = Settings { camera_paths: 1, guide: 0, sobol_set: 1, ..settings };
-        let renderer = self.renderers[index].sample(settings, stride)?;
-        let mut renderer = renderer.guided(self.guide.clone());
+        let (mut renderer, _) = self.sample(settings, stride, RenderConfig::default())?;
         let before = renderer.area_work();
         let times = renderer.iterate(Measure::Off).times;
         renderer.check_interrupt()?;

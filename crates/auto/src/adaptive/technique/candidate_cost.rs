@@ -9,11 +9,9 @@ use crate::bisect::bisect;
 use crate::timing::TimeModel;
 use bdpm_core::noise::Coefficients;
 use bdpm_core::render::bias_correction::shrinkage_of_photons;
-use bdpm_core::settings::Settings;
+use bdpm_core::settings::Strategy;
 use bdpm_core::transport::kernel::ByClass;
 use bdpm_core::transport::photon::PhotonClass;
-
-use std::array::from_fn;
 
 const EVERY: usize = PhotonClass::Caustic as usize;
 const LAST: usize = PhotonClass::Diffuse as usize;
@@ -40,11 +38,8 @@ const CAUTION: f64 = 0.3;
 /// Goal of the render, and the limits of the choice.
 #[derive(Clone, Copy, Debug)]
 pub struct CandidateCost {
-    /// Light paths fill a cache.
-    pub has_cache: bool,
-    /// Pixels share the light of light paths, of which there are some whether or not trials saw
-    /// any of it.
-    pub shares_light: bool,
+    /// Strategy of the candidate.
+    pub strategy: Strategy,
     /// Time of all processes together, or the error to reach.
     pub end: End,
     /// Number of processes that share the iterations.
@@ -113,75 +108,74 @@ pub struct Best {
     pub tried: bool,
 }
 
-/// Squared relative error of an image, in its two parts.
-#[derive(Clone, Copy, Debug)]
-struct SquaredError {
-    noise: f64,
-    bias: f64,
-}
-
 impl CandidateCost {
     /// The best counts: theory.md (93c), at the camera paths of [`CAMERA_STEPS`].
     pub fn evaluate(
         &self,
         coefficients: &Coefficients,
-        RenderTime { times, start_up }: &RenderTime,
+        time: &RenderTime,
         merged: &ByClass<ClassBias>,
         radii: ByClass<f64>,
     ) -> Best {
+        let is_short = |n_camera: &u32| {
+            *n_camera == CAMERA_STEPS[0]
+                || time.times.in_light_paths(f64::from(*n_camera))[0] <= self.longest_iteration()
+        };
+        let steps = CAMERA_STEPS.into_iter().take_while(is_short);
+        let all = steps.map(|n_camera| self.evaluate_at(n_camera, coefficients, time, merged));
+        let best =
+            all.reduce(|best, own| if own.rank(self) < best.rank(self) { own } else { best });
+        Best { radii, ..best.expect("there is a step") }
+    }
+
+    /// The best number of light paths at so many camera paths per pixel.
+    fn evaluate_at(
+        &self,
+        camera_paths: u32,
+        coefficients: &Coefficients,
+        RenderTime { times, start_up }: &RenderTime,
+        merged: &ByClass<ClassBias>,
+    ) -> Best {
         let Coefficients { a, b, f } = coefficients.clamped();
-        let mut best: Option<Best> = None;
-        for camera_paths in CAMERA_STEPS {
-            let n_camera = f64::from(camera_paths);
-            let [base, per_light_path] = times.in_light_paths(n_camera);
-            let (camera, light) = (b / n_camera, a / n_camera + f);
-            if base > self.longest_iteration() && best.is_some() {
-                break;
-            }
-            let light_paths = self.light_paths(times, n_camera, [camera, light]);
-            let tau = base + per_light_path * light_paths;
-            let variance = camera + light / light_paths;
-            // Error after the variance of one iteration has fallen to this share of it.
-            let error_at = |share: f64| {
-                let parts: ByClass<SquaredError> = from_fn(|class| {
-                    let merged = &merged[class];
-                    let Coefficients { a, f, .. } = merged.outer;
-                    self.corrected(merged, share * (a / n_camera + f) / light_paths)
-                });
-                SquaredError {
-                    noise: share * variance + (parts[0].noise + parts[1].noise),
-                    bias: parts[0].bias + parts[1].bias,
-                }
+        let n_camera = f64::from(camera_paths);
+        let (camera, light) = (b / n_camera, a / n_camera + f);
+        let light_paths = self.light_paths(times, n_camera, [camera, light]);
+        let tau = times.iteration(light_paths, n_camera);
+        let variance = camera + light / light_paths;
+        // Noise and bias after the variance of one iteration has fallen to this share of it.
+        let error_at = |share: f64| {
+            let of_class = |own: &ClassBias| {
+                self.corrected(own, share * own.outer.variance(light_paths, n_camera))
             };
-            // Each process computes the areas that its own camera paths need.
-            let start_up = |seconds: f64| {
-                let ranks = f64::from(self.ranks);
-                let camera_paths = n_camera * times.pixels * seconds / (tau * ranks);
-                start_up.map_or(0.0, |own| ranks * own.seconds(camera_paths))
-            };
-            let (iterations, seconds, left) =
-                self.time_and_error(tau, variance, start_up, error_at);
-            let own = Best {
-                radii,
-                medium_scale: self.medium_scale,
-                light_paths,
-                camera_paths,
-                iterations,
-                seconds,
-                noise2: left.noise,
-                bias2: left.bias,
-                bias2_error: merged.iter().map(|m| m.error * m.error).sum::<f64>().sqrt(),
-                times: *times,
-                coefficients: *coefficients,
-                before_denoising: 1.0,
-                seen: 1.0,
-                tried: false,
-            };
-            if best.is_none_or(|best| own.rank(self) < best.rank(self)) {
-                best = Some(own);
-            }
+            merged
+                .iter()
+                .map(of_class)
+                .fold([share * variance, 0.0], |sum, own| [sum[0] + own[0], sum[1] + own[1]])
+        };
+        // Each process computes the areas that its own camera paths need.
+        let start_up = |seconds: f64| {
+            let ranks = f64::from(self.ranks);
+            let camera_paths = n_camera * times.pixels * seconds / (tau * ranks);
+            start_up.map_or(0.0, |own| ranks * own.seconds(camera_paths))
+        };
+        let (iterations, seconds, [noise2, bias2]) =
+            self.time_and_error(tau, variance, start_up, error_at);
+        Best {
+            radii: [0.0; 2],
+            medium_scale: self.medium_scale,
+            light_paths,
+            camera_paths,
+            iterations,
+            seconds,
+            noise2,
+            bias2,
+            bias2_error: merged.iter().map(|m| m.error * m.error).sum::<f64>().sqrt(),
+            times: *times,
+            coefficients: *coefficients,
+            before_denoising: 1.0,
+            seen: 1.0,
+            tried: false,
         }
-        best.expect("there is a step")
     }
 
     /// Maximum time of an iteration, seconds.
@@ -203,21 +197,25 @@ impl CandidateCost {
         let allowed = ((longest - base) / per_light_path).max(base / per_light_path);
         let optimum = (base * light / (per_light_path * camera)).sqrt();
         let most = f64::from(self.max_light_paths).min(allowed);
-        let least = if self.shares_light { least_light_paths(times, self.has_cache) } else { 0.0 };
+        // Whether or not trials saw any light of them.
+        let least = match self.strategy.shares_light() {
+            true => least_light_paths(times, self.strategy.has_cache()),
+            false => 0.0,
+        };
         let optimum = if optimum.is_nan() { 0.0 } else { optimum };
         optimum.max(least).min(most).max(2.0)
     }
 
     /// Iterations and seconds to the end, and the error there, from the time of an iteration and
-    /// its variance. `start_up` is the part of a time that goes to areas, and `error_at` the error
-    /// after that variance has fallen to a share. theory.md (93k)
+    /// its variance. `start_up` is the part of a time that goes to areas, and `error_at` noise and
+    /// bias, squared, after that variance has fallen to a share. theory.md (93k)
     fn time_and_error(
         &self,
         tau: f64,
         variance: f64,
         start_up: impl Fn(f64) -> f64,
-        error_at: impl Fn(f64) -> SquaredError,
-    ) -> (f64, f64, SquaredError) {
+        error_at: impl Fn(f64) -> [f64; 2],
+    ) -> (f64, f64, [f64; 2]) {
         match self.end {
             End::Time(time) => {
                 // An image has at least one iteration.
@@ -225,7 +223,8 @@ impl CandidateCost {
                 (iterating / tau, time, error_at(tau / iterating))
             }
             End::Error(error) => {
-                let share = share_for(error * error, &error_at);
+                let reaches = |share: f64| error_at(share).iter().sum::<f64>() >= error * error;
+                let share = bisect([1e-15, 1e12], 1e-9, reaches)[0];
                 let share = share.max(MIN_NOISE_SHARE * error * error / variance);
                 // theory.md (91)
                 let seconds = (tau / share).max(MIN_ITERATIONS_TO_TARGET as f64 * tau);
@@ -236,31 +235,15 @@ impl CandidateCost {
 
     /// Noise that the correction adds, and bias that it leaves, for a class of photons. `variance`
     /// is that of the contribution of the outer annulus: theory.md (71f).
-    fn corrected(
-        &self,
-        &ClassBias { square, left, .. }: &ClassBias,
-        variance: f64,
-    ) -> SquaredError {
+    fn corrected(&self, own: &ClassBias, variance: f64) -> [f64; 2] {
+        let ClassBias { square, left, .. } = *own;
         if !self.corrects_bias {
-            return SquaredError { noise: 0.0, bias: square };
+            return [0.0, square];
         }
         let outer = square / (1.0 + left).powi(2);
         let share = shrinkage_of_photons(outer / BIASED_PIXELS, variance);
-        SquaredError {
-            noise: BIASED_PIXELS * share * share * variance,
-            bias: (1.0 - share + left).powi(2) * outer,
-        }
+        [BIASED_PIXELS * share * share * variance, (1.0 - share + left).powi(2) * outer]
     }
-}
-
-/// Share of the variance of an iteration at which the squared error is `error2`; next to 0 if the
-/// bias alone exceeds it.
-fn share_for(error2: f64, error_at: &impl Fn(f64) -> SquaredError) -> f64 {
-    let reaches = |share: f64| {
-        let SquaredError { noise, bias } = error_at(share);
-        noise + bias >= error2
-    };
-    bisect([1e-15, 1e12], 1e-9, reaches)[0]
 }
 
 impl Best {
@@ -291,16 +274,6 @@ impl Best {
         }
     }
 
-    /// The same, measured at its radii or not.
-    pub fn tried(self, tried: bool) -> Self {
-        Self { tried, ..self }
-    }
-
-    /// The same with this relative bias in addition.
-    pub fn with_bias(self, bias: f64) -> Self {
-        Self { bias2: self.bias2 + bias * bias, ..self }
-    }
-
     /// The candidate that the program reports.
     pub fn scored(&self, technique: Technique) -> Candidate {
         let Self { radii, camera_paths, seconds, noise2, bias2, bias2_error, times, tried, .. } =
@@ -322,11 +295,6 @@ impl Best {
             tried,
         }
     }
-
-    /// Settings of a trial at these radii.
-    pub fn settings(&self, settings: &Settings, technique: Technique) -> Settings {
-        self.scored(technique).apply(settings)
-    }
 }
 
 #[cfg(test)]
@@ -334,7 +302,7 @@ pub mod tests {
     use super::*;
     use crate::adaptive::count_choice::MIN_ITERATIONS_AFTER_CHOICE;
     use crate::adaptive::technique::start_up::tests::constant;
-    use bdpm_core::settings::{Direct, Kernel, Strategy};
+    use bdpm_core::settings::{Direct, Kernel};
 
     /// Merging at vertex 1.
     pub const MERGING: Technique = Technique {
@@ -360,8 +328,7 @@ pub mod tests {
     /// A demand in which everything is open.
     pub fn demand(end: End) -> CandidateCost {
         CandidateCost {
-            has_cache: false,
-            shares_light: true,
+            strategy: Strategy::Single,
             end,
             ranks: 1,
             max_light_paths: 1 << 24,

@@ -11,8 +11,7 @@ use crate::timing::TimeModel;
 use bdpm_core::base::error::Result;
 use bdpm_core::noise::{Coefficients, Measure};
 use bdpm_core::render::annulus_moments::annulus_bias2;
-use bdpm_core::render::block;
-use bdpm_core::render::block::{Block, CombinedImage};
+use bdpm_core::render::block::{self, Block, CombinedImage};
 use bdpm_core::render::{RenderConfig, Renderer};
 use bdpm_core::settings::Settings;
 use bdpm_core::transport::photon::PhotonClass;
@@ -53,28 +52,33 @@ pub struct LaneMeasurement {
     pub start_up: Option<StartUp>,
     /// Mean luminance, W/(m^2 sr).
     pub luminance: f64,
-    /// Its standard error, as if all pixels saw the same photons.
-    pub error: f64,
+    /// Its bounds, two standard errors apart from it, as if all pixels saw the same photons.
+    pub bounds: [f64; 2],
     /// Paths of the kind that may have missed light: light paths if there are photons.
     pub paths: f64,
 }
 
+/// Size of the iterations of lanes.
+#[derive(Clone, Copy)]
+pub struct LaneShape {
+    /// One pixel of each square of this many by this many pixels.
+    pub stride: u32,
+    /// Time of the light paths of an iteration with their merges, seconds.
+    pub light: f64,
+    /// Whether light paths are in sets.
+    pub has_sets: bool,
+}
+
 impl TrialRunner<'_> {
-    /// A lane of the race: the candidate on one pixel of each square of `stride` by `stride`
-    /// pixels, with as many of its light paths as take `light` seconds, in sets if the image has
-    /// them.
-    ///
-    /// # Errors
-    /// As [`Renderer::new`].
+    /// A lane of the race without iterations.
     pub fn lane(
         &mut self,
         candidate: &Candidate,
         settings: &Settings,
-        (stride, light, has_sets): (u32, f64, bool),
+        LaneShape { stride, light, has_sets }: LaneShape,
     ) -> Result<Lane> {
         let own = candidate.apply(settings);
         let mis_scales = Some(own.mis_scales());
-        let known = self.with_areas_of(&own)?;
         let pixels = self.pixels / f64::from(stride).powi(2);
         let TimeModel { light_path, merge_pair, .. } = candidate.times;
         let per_light_path = light_path + merge_pair * pixels * f64::from(LANE_CAMERA_PATHS);
@@ -93,26 +97,22 @@ impl TrialRunner<'_> {
             mis_scales,
             ..own
         };
-        let renderer = self.renderers[known].sample(own, stride)?.guided(self.guide.clone());
-        let config =
-            RenderConfig { independent_paths: true, hides_lights: true, ..RenderConfig::default() };
-        Ok(Lane::new(renderer.configure(config)?, candidate.times, known))
+        let (renderer, areas) = self.sample(own, stride, RenderConfig::default())?;
+        let sampled = renderer.settings().pixels() as f64;
+        Ok(Lane {
+            renderer,
+            expected: TimeModel { pixels: sampled, ..candidate.times },
+            pixels: candidate.times.pixels,
+            areas,
+            area_time: Duration::ZERO,
+        })
     }
 }
 
 impl Lane {
-    /// A lane without iterations. `times` are those of an image of so many pixels.
-    fn new(renderer: Renderer, times: TimeModel, areas: usize) -> Self {
-        let expected = TimeModel { pixels: renderer.settings().pixels() as f64, ..times };
-        Self { renderer, expected, pixels: times.pixels, areas, area_time: Duration::ZERO }
-    }
-
     /// Renders for some seconds. Every second iteration is measured.
-    ///
-    /// # Errors
-    /// If the user has interrupted the program.
     pub fn go_on(&mut self, runner: &mut TrialRunner, seconds: f64) -> Result<()> {
-        let growth = &mut runner.growths[self.areas];
+        let growth = &mut runner.areas[self.areas].1;
         let begun = Instant::now();
         let camera_paths = f64::from(LANE_CAMERA_PATHS) * self.expected.pixels;
         let mut done = 0;
@@ -141,7 +141,7 @@ impl Lane {
     /// What the iterations so far have measured, with these weights of the pixels' squared errors;
     /// `None` before noise and times are known.
     pub fn measured(&self, runner: &TrialRunner, weights: &[f64]) -> Option<LaneMeasurement> {
-        let (blocks, growth) = (self.renderer.blocks(), &runner.growths[self.areas]);
+        let (blocks, growth) = (self.renderer.blocks(), &runner.areas[self.areas].1);
         let Block { film, counts, .. } = self.renderer.block();
         let cells = weights.len() as f64;
         let coefficients = block::coefficients(blocks)?;
@@ -177,7 +177,7 @@ impl Lane {
             },
             start_up: growth.start_up(rayon::current_num_threads()).filter(|_| has_photons),
             luminance,
-            error: error2.sqrt(),
+            bounds: [-2.0, 2.0].map(|errors| luminance + errors * error2.sqrt()),
             paths: each * iterations,
         })
     }

@@ -43,9 +43,6 @@ const SEEN_WIDTHS: f64 = 4.0;
 const LEARNING_SHARE: f64 = 0.15;
 
 /// Tries what is open, in about `budget` seconds.
-///
-/// # Errors
-/// As [`Renderer::new`].
 pub fn run(
     renderer: &Renderer,
     open: FreeParameters,
@@ -63,8 +60,7 @@ pub fn run(
     let [screening, large, racing] = ROUNDS.map(|share| share * budget);
     let each = screening / candidates.len() as f64;
     let demand = CandidateCost {
-        has_cache: false,
-        shares_light: true,
+        strategy: settings.strategy,
         end: match end {
             End::Time(time) => End::Time((time - budget) * f64::from(renderer.config().ranks)),
             error => error,
@@ -156,7 +152,7 @@ impl Pilot<'_> {
         for tried in &mut self.tried {
             tried.trials[0].set_missed_light(self.least_luminance);
         }
-        let weights = common_weights(&self.tried);
+        let weights = self.weights();
         self.refute(&weights);
         let tried = take(&mut self.tried).into_iter();
         let mut ranked: Vec<_> = tried.map(|own| (self.rank(&own, &weights), own)).collect();
@@ -191,6 +187,13 @@ impl Pilot<'_> {
         let refuted = self.tried.iter().filter(is_refuted).map(|own| own.technique);
         self.refuted = refuted.collect();
         self.tried.retain(|own| !self.refuted.contains(&own.technique));
+    }
+
+    fn weights(&self) -> Vec<f64> {
+        let trials = self.tried.iter().filter(|own| !own.is_reserve).flat_map(|own| &own.trials);
+        common_weights(
+            trials.map(|trial| trial.noise.pixels.iter().map(|own| own.luminance).collect()),
+        )
     }
 
     /// Runs a trial, and lets it know the light that all trials so far found at least.
@@ -239,7 +242,7 @@ impl Pilot<'_> {
             }
             self.tried.push(tried);
         }
-        let weights = common_weights(&self.tried);
+        let weights = self.weights();
         if self.tried.iter().any(|tried| !tried.is_thin(&weights)) {
             self.tried.retain(|tried| !tried.is_thin(&weights));
         }
@@ -250,7 +253,7 @@ impl Pilot<'_> {
     /// best first.
     fn finish(&mut self, racing: f64) -> Result<Vec<Finalist>> {
         self.demand.end = self.end_after_overrun();
-        let weights = common_weights(&self.tried);
+        let weights = self.weights();
         let finalist = |tried: &Tried| {
             let model = self.model(tried, &weights);
             let best = model.best(&self.demand);
@@ -320,18 +323,15 @@ impl Tried {
     }
 }
 
-/// Weights of the pixels' squared errors, by the mean luminance of all trials, so that all
+/// Weights of the pixels' squared errors by the mean of several luminances of them, so that all
 /// techniques have the same weights.
-fn common_weights(tried: &[Tried]) -> Vec<f64> {
-    let (mut luminance, mut count) = (Vec::new(), 0.0);
-    let used = tried.iter().filter(|own| !own.is_reserve);
-    for trial in used.flat_map(|tried| &tried.trials) {
-        luminance.resize(trial.noise.pixels.len(), 0.0);
-        for (sum, pixel) in luminance.iter_mut().zip(&trial.noise.pixels) {
-            *sum += pixel.luminance;
-        }
+pub fn common_weights(luminances: impl Iterator<Item = Vec<f64>>) -> Vec<f64> {
+    let (mut mean, mut count) = (Vec::new(), 0.0);
+    for own in luminances {
+        mean.resize(own.len(), 0.0);
+        mean.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
         count += 1.0;
     }
-    luminance.iter_mut().for_each(|sum| *sum /= count);
-    luminance_weights(&luminance)
+    mean.iter_mut().for_each(|sum| *sum /= count);
+    luminance_weights(&mean)
 }

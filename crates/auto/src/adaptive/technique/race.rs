@@ -6,14 +6,13 @@
 //! predicts clearly less error at other radii, a lane at these radii joins. theory.md, section 22a
 
 use super::candidate_cost::{Best, CandidateCost};
-use super::lane::{LANE_CAMERA_PATHS, Lane, LaneMeasurement};
+use super::lane::{LANE_CAMERA_PATHS, Lane, LaneMeasurement, LaneShape};
 use super::model::{ImageScale, Model};
-use super::pilot::Finalist;
+use super::pilot::{Finalist, common_weights};
 use super::trial::{BIAS_TOLERANCE, missed_light, missed_share};
-use super::trial_runner::TrialRunner;
+use super::trial_runner::{TrialRunner, stride};
 use super::{End, Technique};
 use bdpm_core::base::error::Result;
-use bdpm_core::film::radiance::luminance_weights;
 use bdpm_core::settings::{MEDIUM_SCALES, Settings};
 use std::ops::Range;
 
@@ -54,18 +53,8 @@ struct Racer {
     lane: Lane,
     /// The number of light paths by which its techniques are weighted.
     light_paths: f64,
-    measured: Option<LaneMeasurement>,
     /// The model by all that the lane has measured.
     matched: Option<Model>,
-}
-
-/// What a lane has seen.
-struct Seen {
-    /// The larger merge radius.
-    reach: f64,
-    /// Bounds of its mean luminance, W/(m^2 sr).
-    least: f64,
-    most: f64,
 }
 
 /// What all lanes have in common.
@@ -78,12 +67,11 @@ pub struct Track<'a, 'b> {
 
 /// Lets the best of `field` race for some seconds. Returns the best first, and those that did not
 /// race last.
-///
-/// # Errors
-/// As [`Renderer::new`](bdpm_core::render::Renderer::new), and if the user has interrupted the
-/// program.
 pub fn race(mut field: Vec<Finalist>, mut track: Track, seconds: f64) -> Result<Vec<Finalist>> {
-    sort(&mut field, &track.demand);
+    let rank = |own: &Finalist| own.best.rank(&track.demand);
+    field.sort_by(|one, other| {
+        one.is_reserve.cmp(&other.is_reserve).then(rank(one).total_cmp(&rank(other)))
+    });
     let lanes = field.iter().filter(|own| !own.is_reserve).count().clamp(1, MOST_LANES);
     let waiting = field.split_off(lanes);
     let part = seconds / f64::from(PARTS);
@@ -107,7 +95,9 @@ pub fn race(mut field: Vec<Finalist>, mut track: Track, seconds: f64) -> Result<
         let joining = joining.chain(racers[0].variants(&track.demand));
         let is_new = |own: &Finalist| racers.iter().all(|other| !other.is_like(own));
         let joining: Vec<Finalist> = joining.filter(is_new).collect();
-        if joining.is_empty() && is_decided(&racers, &track.demand) {
+        let clear = CLEAR * racers[0].rank(&track.demand);
+        let is_decided = racers.get(1).is_none_or(|own| own.rank(&track.demand) > clear);
+        if joining.is_empty() && is_decided {
             break;
         }
         beaten = racers.split_off(running.div_ceil(2));
@@ -119,78 +109,44 @@ pub fn race(mut field: Vec<Finalist>, mut track: Track, seconds: f64) -> Result<
     Ok(ranked.chain(waiting).collect())
 }
 
-/// Sorts by predicted rank, reserves last.
-fn sort(field: &mut [Finalist], demand: &CandidateCost) {
-    let order = |own: &Finalist| (own.is_reserve, own.best.rank(demand));
-    field.sort_by(|one, other| {
-        let ((one_last, one), (other_last, other)) = (order(one), order(other));
-        one_last.cmp(&other_last).then(one.total_cmp(&other))
-    });
-}
-
-/// Whether the first of all lanes is alone or clearly better than the others.
-fn is_decided(ranked: &[Racer], demand: &CandidateCost) -> bool {
-    ranked.get(1).is_none_or(|own| own.rank(demand) > CLEAR * ranked[0].rank(demand))
-}
-
-/// Size of the iterations of lanes.
-#[derive(Clone, Copy)]
-struct Shape {
-    /// One pixel of each square of this many by this many pixels.
-    stride: u32,
-    /// Time of the light paths of an iteration with their merges, seconds.
-    light: f64,
-}
-
 impl Track<'_, '_> {
     /// Iterations that take about `seconds`.
-    fn shape(&self, field: &[Finalist], seconds: f64) -> Shape {
+    fn shape(&self, field: &[Finalist], seconds: f64) -> LaneShape {
         let per_path = |own: &Finalist| own.best.times.camera_path + own.best.times.look_up;
         let per_path = field.iter().map(per_path).fold(0.0, f64::max);
         let pixels = CAMERA_SHARE * seconds / (f64::from(LANE_CAMERA_PATHS) * per_path);
-        let [width, height] = [self.settings.width, self.settings.height];
-        let all = f64::from(width) * f64::from(height);
-        let stride = (all / pixels.max(LEAST_PIXELS)).sqrt() as u32;
-        let stride = stride.clamp(1, width.min(height));
-        Shape { stride, light: (1.0 - CAMERA_SHARE) * seconds }
+        let stride = stride(self.settings, pixels.max(LEAST_PIXELS));
+        let has_sets = self.demand.open.sobol_set;
+        LaneShape { stride, light: (1.0 - CAMERA_SHARE) * seconds, has_sets }
     }
 
-    fn begin(&mut self, finalist: Finalist, shape: Shape) -> Result<Racer> {
-        let Finalist { model, best, .. } = &finalist;
-        let candidate = best.scored(model.technique);
-        let light_paths = f64::from(candidate.light_paths);
-        let shape = (shape.stride, shape.light, self.demand.open.sobol_set);
+    fn begin(&mut self, finalist: Finalist, shape: LaneShape) -> Result<Racer> {
+        let candidate = finalist.best.scored(finalist.model.technique);
         let lane = self.runner.lane(&candidate, self.settings, shape)?;
-        Ok(Racer { finalist, lane, light_paths, measured: None, matched: None })
+        Ok(Racer { finalist, lane, light_paths: candidate.light_paths.into(), matched: None })
     }
 
     /// Ranks all lanes by what they have measured so far.
     fn judge(&mut self, racers: &mut [Racer]) {
-        let mut luminance: Vec<f64> = Vec::new();
-        for racer in &*racers {
-            let own = racer.lane.luminances();
-            luminance.resize(own.len(), 0.0);
-            luminance.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
-        }
-        let count = racers.len() as f64;
-        luminance.iter_mut().for_each(|sum| *sum /= count);
-        let weights = luminance_weights(&luminance);
-        for racer in &mut *racers {
-            racer.measured = racer.lane.measured(self.runner, &weights);
-        }
-        let sharp: Vec<Seen> = racers.iter().filter_map(Racer::seen).collect();
+        let weights = common_weights(racers.iter().map(|racer| racer.lane.luminances()));
+        let measure = |racer: &Racer| racer.lane.measured(self.runner, &weights);
+        let measured: Vec<Option<LaneMeasurement>> = racers.iter().map(measure).collect();
+        let sharp = racers.iter().zip(&measured);
+        let sharp = sharp.filter_map(|(racer, own)| Some((racer.reach(), own.as_ref()?.bounds)));
+        let sharp: Vec<(f64, [f64; 2])> = sharp.collect();
         // Trials saw other pixels, whose mean luminance may differ by as much as missing light, so
         // that they tell its share alone.
         // Lanes that merge nothing are compared with the sharpest of the others.
-        let reaches = sharp.iter().map(|own| own.reach).filter(|reach| *reach > 0.0);
+        let reaches = sharp.iter().map(|(reach, _)| *reach).filter(|reach| *reach > 0.0);
         let sharpest = reaches.fold(f64::INFINITY, f64::min);
-        for racer in racers {
+        for (racer, measured) in racers.iter_mut().zip(measured) {
+            let Some(measured) = measured else { continue };
             let reach = if racer.reach() > 0.0 { racer.reach() } else { sharpest };
-            let sharper = sharp.iter().filter(|own| own.reach < 1.01 * reach);
-            let least = sharper.map(|own| own.least).fold(0.0, f64::max);
-            let most = sharp.iter().filter(|own| own.reach < 0.99 * racer.reach());
-            let most = most.map(|own| own.most).reduce(f64::max);
-            racer.judge(self, [least, most.unwrap_or(f64::INFINITY)]);
+            let sharper = sharp.iter().filter(|(own, _)| *own < 1.01 * reach);
+            let least = sharper.map(|(_, [least, _])| *least).fold(0.0, f64::max);
+            let most = sharp.iter().filter(|(own, _)| *own < 0.99 * racer.reach());
+            let most = most.map(|(_, [_, most])| *most).reduce(f64::max);
+            racer.judge(&measured, self, [least, most.unwrap_or(f64::INFINITY)]);
         }
     }
 }
@@ -209,16 +165,9 @@ impl Racer {
         model.technique.reach(best.radii)
     }
 
-    fn seen(&self) -> Option<Seen> {
-        let LaneMeasurement { luminance, error, .. } = self.measured.as_ref()?;
-        let [least, most] = [-2.0, 2.0].map(|errors| luminance + errors * error);
-        Some(Seen { reach: self.reach(), least, most })
-    }
-
     /// The best counts by what the lane has measured. Lanes that blur as little found at least the
     /// first of both luminances, and those that blur less at most the other.
-    fn judge(&mut self, track: &Track, [least, most]: [f64; 2]) {
-        let Some(measured) = &self.measured else { return };
+    fn judge(&mut self, measured: &LaneMeasurement, track: &Track, [least, most]: [f64; 2]) {
         let LaneMeasurement { image, start_up, luminance, paths, .. } = measured;
         let model = self.finalist.model.matched(image, track.scale);
         let model = model.with_start_up(image.radii, *start_up);
@@ -231,7 +180,8 @@ impl Racer {
         let best = model.evaluate(&coefficients, &time, &demand, image.radii);
         // Light that leaks through walls is bias, whatever the annulus shows.
         let leaked = (luminance / most - 1.0 - BIAS_TOLERANCE).max(0.0);
-        self.finalist.best = best.tried(true).with_bias(leaked);
+        let bias2 = best.bias2 + leaked * leaked;
+        self.finalist.best = Best { tried: true, bias2, ..best };
         self.matched = Some(model);
     }
 
@@ -245,7 +195,7 @@ impl Racer {
         let is_better = is_elsewhere && own.rank(demand) < PROMISING * finalist.best.rank(demand);
         let best = match (is_better, self.has_weights_of(&finalist.best)) {
             (true, _) => own,
-            (false, false) => finalist.best.tried(false),
+            (false, false) => Best { tried: false, ..finalist.best },
             (false, true) => return None,
         };
         let missed = finalist.missed;
@@ -260,7 +210,7 @@ impl Racer {
         let variant = |technique: Technique, factor: f64| {
             let model = model.variant(technique, factor);
             let medium_scale = factor * best.medium_scale;
-            let best = Best { medium_scale, ..best.tried(false) };
+            let best = Best { medium_scale, tried: false, ..best };
             Finalist { model, best, is_reserve: false, missed }
         };
         let draws_spots = matches!(demand.end, End::Time(_)) && best.is_noise_visible();

@@ -57,8 +57,7 @@ impl CandidateCost {
         radii: ByClass<f64>,
     ) -> Best {
         let Technique { strategy, merge_vertex, .. } = technique;
-        let (has_cache, shares_light) = (strategy.has_cache(), strategy.shares_light());
-        let own = Self { has_cache, shares_light, ..*self };
+        let own = Self { strategy, ..*self };
         // Photons of caustics are few beside the noise of camera paths, and look like grain.
         let of_denoiser = if strategy.has_only_caustics() { blur } else { 1.0 };
         let [left, averaged] = [of_denoiser, blur]

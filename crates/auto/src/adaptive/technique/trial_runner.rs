@@ -84,10 +84,9 @@ pub struct TrialRunner<'a> {
     /// Renders the whole image: learning uses it.
     whole: Renderer,
     scene: &'a Scene,
-    /// One renderer for each lookup radius so far. Trials of equal lookup radius share its areas.
-    pub(super) renderers: Vec<Renderer>,
-    /// Cells that the trials of each of them needed.
-    pub(super) growths: Vec<CellGrowth>,
+    /// One renderer for each lookup radius so far, and the cells that its trials needed. Trials of
+    /// equal lookup radius share its areas.
+    pub(super) areas: Vec<(Renderer, CellGrowth)>,
     /// The sample has one pixel of each square of this many by this many pixels.
     stride: u32,
     /// Where light paths of trials start.
@@ -109,9 +108,6 @@ pub struct TrialRunner<'a> {
 impl<'a> TrialRunner<'a> {
     /// Prepares trials for the image of a renderer. The sample is as large as trials of `seconds`
     /// allow.
-    ///
-    /// # Errors
-    /// As [`Renderer::new`].
     pub fn new(renderer: &'a Renderer, seconds: f64) -> Result<Self> {
         let (scene, accel) = renderer.scene_and_accel();
         let settings = renderer.settings();
@@ -119,11 +115,7 @@ impl<'a> TrialRunner<'a> {
             // Before the trials, so that none of them takes longer for it.
             renderer.learn_directions();
         }
-        let stride = |paths: f64| {
-            let sample = paths / f64::from(TRIAL_CAMERA_PATHS);
-            let stride = (settings.pixels() as f64 / sample).sqrt() as u32;
-            stride.clamp(1, settings.width.min(settings.height))
-        };
+        let stride = |paths: f64| stride(settings, paths / f64::from(TRIAL_CAMERA_PATHS));
         let each = TRIAL_MEASURING * seconds / TRIAL_ITERATIONS as f64;
         let probe = stride(TRIAL_PATHS.start);
         // Half of the paths are light paths.
@@ -133,11 +125,11 @@ impl<'a> TrialRunner<'a> {
         let stride = stride(paths);
         let (area, footprint) = (merging_area(scene), footprint(scene, &**accel, settings));
         let max_light_paths = renderer.most_light_paths();
+        let unguided = Settings { guide: 0, ..settings.clone() };
         Ok(Self {
-            whole: renderer.with_settings(Settings { guide: 0, ..settings.clone() })?,
+            whole: renderer.with_settings(unguided.clone())?,
             scene,
-            renderers: vec![renderer.sample(Settings { guide: 0, ..settings.clone() }, stride)?],
-            growths: vec![CellGrowth::default()],
+            areas: vec![(renderer.sample(unguided.clone(), stride)?, CellGrowth::default())],
             stride,
             guide: renderer.learned_guide(),
             per_path,
@@ -151,9 +143,6 @@ impl<'a> TrialRunner<'a> {
 
     /// Learns in about `seconds` where light paths should start, and starts those of trials there.
     /// Returns `None` if the time is too short or the guide does not pay.
-    ///
-    /// # Errors
-    /// As [`Renderer::new`].
     pub fn learn_guide(&mut self, seconds: f64) -> Result<Option<Guided>> {
         let start = Instant::now();
         let camera_paths = 2.0 * LEARNING_PIXELS * f64::from(LEARNING_CAMERA_PATHS);
@@ -176,9 +165,6 @@ impl<'a> TrialRunner<'a> {
 
     /// Tries the strategy, radii and weights of `settings` for `seconds`. The merges of `nests` are
     /// done at nested radii as well, which measures their bias.
-    ///
-    /// # Errors
-    /// As [`Renderer::new`].
     pub fn trial(
         &mut self,
         settings: &Settings,
@@ -187,18 +173,12 @@ impl<'a> TrialRunner<'a> {
     ) -> Result<Trial> {
         let begun = Instant::now();
         let settings = self.settings_of_trial(settings, nests);
-        let known = self.with_areas_of(&settings)?;
-        let renderer = self.renderers[known].sample(settings.clone(), self.stride)?;
-        let renderer = renderer.guided(self.guide.clone());
-        let batches = RenderConfig::with_pixel_batches();
-        let config = RenderConfig {
-            nested_part: nests.map(NestedPart::Class),
-            independent_paths: true,
-            hides_lights: true,
-            ..batches
-        };
-        let mut renderer = renderer.configure(config)?;
-        let photons = measure_noise(&mut renderer, begun, seconds, &mut self.growths[known])?;
+        let nested_part = nests.map(NestedPart::Class);
+        let config = RenderConfig { nested_part, ..RenderConfig::with_pixel_batches() };
+        let (mut renderer, known) = self.sample(settings.clone(), self.stride, config)?;
+        let growth = &mut self.areas[known].1;
+        let photons = measure_noise(&mut renderer, begun, seconds, growth)?;
+        let start_up = growth.start_up(rayon::current_num_threads());
         let noise = renderer.block().noise_image()?;
         let has_caustic_photons = renderer.found_caustic_photons();
         let pixels = f64::from(noise.width * noise.height);
@@ -209,9 +189,7 @@ impl<'a> TrialRunner<'a> {
             nests,
             noise,
             times: TimeModel { pixels: self.pixels, ..model },
-            start_up: self.growths[known]
-                .start_up(rayon::current_num_threads())
-                .filter(|_| settings.has_photons()),
+            start_up: start_up.filter(|_| settings.has_photons()),
             even: self.even(&settings, photons),
             missed: Coefficients::default(),
             merges: settings.has_photons(),
@@ -319,16 +297,23 @@ impl<'a> TrialRunner<'a> {
         brightest_path(self.scene)
     }
 
-    /// Index of the renderer with the lookup radius of these settings. Trials share its areas,
-    /// because they see mostly the same surfaces.
-    pub(super) fn with_areas_of(&mut self, settings: &Settings) -> Result<usize> {
-        let reach = settings.reach();
-        if let Some(same) = self.renderers.iter().position(|own| own.settings().reach() == reach) {
-            return Ok(same);
+    /// A renderer of one pixel of each square of `stride` by `stride` pixels, and the index of its
+    /// areas. Those of equal lookup radius share areas, because they see mostly the same surfaces.
+    pub(super) fn sample(
+        &mut self,
+        settings: Settings,
+        stride: u32,
+        config: RenderConfig,
+    ) -> Result<(Renderer, usize)> {
+        let same = |(own, _): &(Renderer, _)| own.settings().reach() == settings.reach();
+        let known = self.areas.iter().position(same).unwrap_or(self.areas.len());
+        if known == self.areas.len() {
+            let renderer = self.areas[0].0.sample(settings.clone(), self.stride)?;
+            self.areas.push((renderer, CellGrowth::default()));
         }
-        self.renderers.push(self.renderers[0].sample(settings.clone(), self.stride)?);
-        self.growths.push(CellGrowth::default());
-        Ok(self.renderers.len() - 1)
+        let config = RenderConfig { independent_paths: true, hides_lights: true, ..config };
+        let renderer = self.areas[known].0.sample(settings, stride)?.guided(self.guide.clone());
+        Ok((renderer.configure(config)?, known))
     }
 
     /// Second moment if photons were spread evenly over all surfaces: a light path leaves `photons`
@@ -342,6 +327,12 @@ impl<'a> TrialRunner<'a> {
         let per_light_path = photons.max(1.0) / f64::from(settings.light_paths);
         (self.area / (PI * reach * reach * per_light_path)).max(1.0)
     }
+}
+
+/// Side of the squares of which one pixel each makes a sample of about so many pixels.
+pub fn stride(settings: &Settings, sample: f64) -> u32 {
+    let stride = (settings.pixels() as f64 / sample).sqrt() as u32;
+    stride.clamp(1, settings.width.min(settings.height))
 }
 
 /// Wall-clock time of a path of either kind, seconds, in trials of one pixel out of `stride`
