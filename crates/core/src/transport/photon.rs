@@ -220,6 +220,11 @@ pub enum PhotonClass {
     Diffuse,
 }
 
+impl PhotonClass {
+    /// Both, in the order of their numbers.
+    pub const ALL: [Self; 2] = [Self::Caustic, Self::Diffuse];
+}
+
 impl Photon {
     /// A photon without a direction; `normal` is the unit normal on the side of arrival.
     pub fn new(position: Vec3, path: u32, flux: Rgb, normal: Vec3, class: PhotonClass) -> Self {

@@ -4,7 +4,7 @@ use super::Technique;
 use super::trial::Trial;
 use bdpm_core::noise::image::Statistic;
 use bdpm_core::noise::merge_bias::weighted_square;
-use bdpm_core::settings::{Direct, Kernel};
+use bdpm_core::settings::Direct;
 use bdpm_core::transport::photon::PhotonClass;
 
 /// Factor on the bias from a radius to `1/sqrt(2)` of it, for photons after a diffuse bounce.
@@ -34,17 +34,6 @@ const PRIOR_SPREAD: f64 = 1.0;
 /// Lower bound of a squared bias, relative to the mean of the prior.
 const MINIMUM_OF_PRIOR: f64 = 0.05;
 
-/// [`MINIMUM_OF_PRIOR`] for the disc kernel: a short trial can underestimate the bias along edges
-/// by a large factor.
-const MINIMUM_OF_PRIOR_ON_DISCS: f64 = 0.3;
-
-/// Squared bias of the disc kernel over that of the kernel by true area after a diffuse bounce, as
-/// measured in the Cornell boxes by `examples/kernel_table.rs`.
-const DISC_BIAS: f64 = 20.0;
-
-/// [`TYPICAL_FALL`] for the disc kernel, whose squared bias falls as the radius.
-const DISC_FALL: f64 = 0.8409;
-
 /// Squared relative bias at one radius, and how it falls with the radius.
 #[derive(Clone, Copy, Debug)]
 pub struct BiasLaw {
@@ -73,35 +62,20 @@ pub struct BiasPrior {
 const CACHE_BIAS: f64 = 0.005 * 0.005;
 
 impl BiasPrior {
-    /// Prior of a cache, whose cells hardly matter: light is averaged over the half space anyway.
-    pub fn of_cache() -> Self {
-        let square = CACHE_BIAS;
-        let (spread, minimum) = (PRIOR_SPREAD * square, MINIMUM_OF_PRIOR * square);
-        Self { square, spread, falls_to: TYPICAL_FALL, minimum }
-    }
-
     /// Prior of photons of a class or, where there is one, of a cache in place of diffuse photons.
     /// The radius is given in widths of what the image shows.
     pub fn of(class: PhotonClass, technique: Technique, radius: f64) -> Self {
-        match technique.strategy.has_cache() && class == PhotonClass::Diffuse {
-            true => Self::of_cache(),
-            false => Self::new(class, technique, radius),
-        }
-    }
-
-    /// Prior at a radius that is given in widths of what the image shows.
-    pub fn new(class: PhotonClass, technique: Technique, radius: f64) -> Self {
-        let disc = technique.kernel == Kernel::Disc;
-        let (square, falls_to) = match (class, disc) {
-            (PhotonClass::Diffuse, false) => (TYPICAL_BIAS * radius.powi(3), TYPICAL_FALL),
-            (PhotonClass::Diffuse, true) => (DISC_BIAS * TYPICAL_BIAS * radius.powi(3), DISC_FALL),
-            (PhotonClass::Caustic, _) => {
+        let (square, falls_to) = match class {
+            // Cells hardly matter: light is averaged over the half space anyway.
+            PhotonClass::Diffuse if technique.strategy.has_cache() => (CACHE_BIAS, TYPICAL_FALL),
+            PhotonClass::Diffuse => (TYPICAL_BIAS * radius.powi(3), TYPICAL_FALL),
+            PhotonClass::Caustic => {
                 let sharp = TYPICAL_SHARP_BIAS[usize::from(technique.direct == Direct::PhotonMap)];
                 (sharp * radius.powi(2), TYPICAL_SHARP_FALL)
             }
         };
-        let share = if disc { MINIMUM_OF_PRIOR_ON_DISCS } else { MINIMUM_OF_PRIOR };
-        Self { square, spread: PRIOR_SPREAD * square, falls_to, minimum: share * square }
+        let (spread, minimum) = (PRIOR_SPREAD * square, MINIMUM_OF_PRIOR * square);
+        Self { square, spread, falls_to, minimum }
     }
 
     /// What trials at other radii tell about this one, with a spread of at least their own size.

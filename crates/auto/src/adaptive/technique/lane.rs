@@ -14,7 +14,6 @@ use bdpm_core::render::annulus_moments::annulus_bias2;
 use bdpm_core::render::block::{self, Block, CombinedImage};
 use bdpm_core::render::{RenderConfig, Renderer};
 use bdpm_core::settings::Settings;
-use bdpm_core::transport::photon::PhotonClass;
 use std::time::{Duration, Instant};
 
 /// Camera paths per pixel of an iteration: the smallest number that can be measured, so that a lane
@@ -162,15 +161,12 @@ impl Lane {
         let iterations = film.iterations as f64;
         let error2 = variance / cells + f / (n_light * iterations);
         let settings = self.renderer.settings();
-        let Settings { radius, caustic_radius, .. } = *settings;
-        let mut radii = [f64::from(radius); 2];
-        radii[PhotonClass::Caustic as usize] = f64::from(caustic_radius);
         let (luminance, has_photons) = (image.mean_luminance(), settings.has_photons());
         let each =
             if has_photons { n_light } else { self.expected.pixels * f64::from(LANE_CAMERA_PATHS) };
         Some(LaneMeasurement {
             image: ImageMeasurement {
-                radii,
+                radii: [settings.caustic_radius, settings.radius].map(f64::from),
                 coefficients: relative * (more_noise * image.set_factor()),
                 annulus_bias2: annulus_bias2(blocks, &[1.0], weights),
                 times: self.times()?,

@@ -36,7 +36,6 @@ use bdpm_core::settings::{
 };
 use bdpm_core::simd::sobol::MAX_POINTS;
 use bdpm_core::transport::kernel::ByClass;
-use bdpm_core::transport::photon::PhotonClass;
 use serde::{Deserialize, Serialize};
 
 /// Share of the given time that the pilot takes.
@@ -263,8 +262,7 @@ impl Technique {
     fn with(self, settings: &Settings, radii: ByClass<f32>) -> Settings {
         let Self { strategy, merge_vertex, direct, kernel, splitting, medium_query } = self;
         let medium_query = medium_query.unwrap_or(settings.medium_query);
-        let radius = radii[PhotonClass::Diffuse as usize];
-        let caustic_radius = radii[PhotonClass::Caustic as usize];
+        let [caustic_radius, radius] = radii;
         Settings {
             strategy,
             merge_vertex,
@@ -292,10 +290,8 @@ impl Technique {
 
     /// What it merges or looks up: photons of caustics, and diffuse photons or a cache.
     fn classes(self) -> ByClass<bool> {
-        let mut all = [self.merges(); 2];
-        all[PhotonClass::Diffuse as usize] =
-            self.strategy.shares_light() && !self.is_path_with_caustics();
-        all
+        let has_diffuse = self.strategy.shares_light() && !self.is_path_with_caustics();
+        [self.merges(), has_diffuse]
     }
 
     /// Whether photons of caustics are all that pixels share.
@@ -305,10 +301,10 @@ impl Technique {
 
     /// The largest radius of its merges, scene units; 0 without merges.
     fn reach(self, radii: ByClass<f64>) -> f64 {
-        let caustic = radii[PhotonClass::Caustic as usize];
+        let [caustic, diffuse] = radii;
         match self.strategy.has_only_caustics() {
             true => caustic,
-            false if self.merges() => caustic.max(radii[PhotonClass::Diffuse as usize]),
+            false if self.merges() => caustic.max(diffuse),
             false => 0.0,
         }
     }
@@ -340,9 +336,7 @@ impl Candidate {
     pub fn apply(&self, settings: &Settings) -> Settings {
         let Self { technique, radius, caustic_radius, light_paths, camera_paths, .. } = *self;
         let medium_scale = self.medium_scale;
-        let mut radii = [radius; 2];
-        radii[PhotonClass::Caustic as usize] = caustic_radius;
-        let own = technique.with(settings, radii);
+        let own = technique.with(settings, [caustic_radius, radius]);
         Settings { light_paths, camera_paths, medium_scale, mis_scales: None, ..own }
     }
 }

@@ -123,22 +123,18 @@ impl Model {
         };
         let moments: Vec<f64> = measured.iter().map(|c| c.a + c.f).collect();
         let shared: Vec<f64> = measured.iter().map(|c| c.f).collect();
-        let mut bias = [None; 2];
         let [_, has_diffuse] = technique.classes();
         let shares = [both && technique.merges(), has_diffuse];
-        for class in [PhotonClass::Diffuse, PhotonClass::Caustic] {
-            if !shares[class as usize] {
-                continue;
-            }
+        let bias = PhotonClass::ALL.map(|class| {
             // The last trial that measured the bias of this class, or the prior if none did.
             let trial = trials.iter().rfind(|trial| trial.nests == Some(class));
             let radius = trial.unwrap_or(&trials[0]).radii[class as usize];
             let prior = BiasPrior::of(class, technique, radius / across);
-            bias[class as usize] = Some(match trial {
-                Some(trial) => BiasLaw::measured(trial, radius, weights, prior),
-                None => BiasLaw::assumed(radius, prior),
-            });
-        }
+            let measured = trial.map(|trial| BiasLaw::measured(trial, radius, weights, prior));
+            let law = measured.unwrap_or_else(|| BiasLaw::assumed(radius, prior));
+            shares[class as usize].then_some(law)
+        });
+        let reached = |trial: &Trial| Some((technique.reach(trial.radii), trial.start_up?));
         Self {
             technique,
             pairs: parts(&inverse(0.0), &moments, shares),
@@ -149,11 +145,7 @@ impl Model {
             footprint,
             times: mean_times(trials),
             pair_time: PairTime::of(technique, trials),
-            start_up: StartUpLaw::of(
-                trials
-                    .iter()
-                    .filter_map(|trial| Some((technique.reach(trial.radii), trial.start_up?))),
-            ),
+            start_up: StartUpLaw::of(trials.iter().filter_map(reached)),
         }
     }
 
@@ -247,51 +239,27 @@ impl Model {
     /// The best radii and counts.
     pub fn best(&self, demand: &CandidateCost) -> Best {
         let CandidateCost { open, requested, .. } = demand;
-        let steps = |is_open: bool, requested: f32| -> Vec<f64> {
-            let requested = f64::from(requested);
-            if !is_open {
-                return vec![requested];
-            }
-            (RADIUS_STEPS)
-                .map(|step| {
-                    requested * f64::from(LARGEST_SCALE) * 0.5f64.powf(0.5 * f64::from(step))
-                })
-                .collect()
-        };
+        let [caustic, radius] = requested.map(f64::from);
+        let largest = radius * f64::from(LARGEST_SCALE);
+        let step = |step: i32| largest * 0.5f64.powf(0.5 * f64::from(step));
+        let steps: Vec<f64> = RADIUS_STEPS.map(step).collect();
         let strategy = self.technique.strategy;
         let merges_diffuse = !strategy.has_cache() && !strategy.has_only_caustics();
-        let last = steps(open.radius && merges_diffuse, requested[LAST]);
-        let every = match self.bias[EVERY] {
-            // Both classes take steps of the larger radius where both are open.
-            Some(_) => steps(
-                open.caustic_radius,
-                if open.caustic_radius { requested[LAST] } else { requested[EVERY] },
-            ),
-            None => vec![],
+        let last = if open.radius && merges_diffuse { steps.clone() } else { vec![radius] };
+        // Both classes take steps of the larger radius where both are open.
+        let every = |last: f64| match self.bias[EVERY] {
+            _ if !open.caustic_radius => vec![caustic],
+            // Without photons of the class its radius does not matter.
+            None => vec![0.25 * last],
+            Some(_) if self.is_one_trial && open.radius => vec![last],
+            Some(_) => steps.clone(),
         };
-        let mut best: Option<(f64, Best)> = None;
-        for &last in &last {
-            // Without photons of the other class their radius does not matter.
-            let requested = f64::from(requested[EVERY]);
-            let none = [if open.caustic_radius { 0.25 * last } else { requested }];
-            let same = [last];
-            let every = match &every[..] {
-                [] => &none[..],
-                _ if self.is_one_trial && open.caustic_radius && open.radius => &same[..],
-                every => every,
-            };
-            for &every in every {
-                let mut radii = [last; 2];
-                radii[EVERY] = every;
-                let own =
-                    self.evaluate(&self.coefficients(radii), &self.time(radii), demand, radii);
-                let reach = self.technique.reach(radii);
-                let rank = self.with_discs(&own, reach) * own.rank(demand);
-                if best.is_none_or(|(least, _)| rank < least) {
-                    best = Some((rank, own));
-                }
-            }
-        }
+        let all = last.into_iter().flat_map(|last| every(last).into_iter().map(move |r| [r, last]));
+        let ranked = all.map(|radii| {
+            let own = self.evaluate(&self.coefficients(radii), &self.time(radii), demand, radii);
+            (self.with_discs(&own, self.technique.reach(radii)) * own.rank(demand), own)
+        });
+        let best = ranked.reduce(|best, own| if own.0 < best.0 { own } else { best });
         best.expect("there is a step").1
     }
 
@@ -314,32 +282,27 @@ impl Model {
         let pairs = factor(measured.a + measured.f, own.a + own.f);
         let light = factor(measured.f, own.f);
         let left = self.technique.left_at_half();
-        let bias = |class: PhotonClass| {
+        let bias = PhotonClass::ALL.map(|class| {
             let index = class as usize;
-            let (assumed, annulus_bias2) = (self.bias[index]?, annulus_bias2?[index]);
+            let assumed = self.bias[index]?;
+            let Some(annulus_bias2) = annulus_bias2 else { return Some(assumed) };
             // theory.md (71f): the annulus holds all of the bias but what is left at half the
             // radius.
-            let whole = (1.0 + left[index]).powi(2);
+            let measured = annulus_bias2[index].map(|own| (1.0 + left[index]).powi(2) * own);
             let prior = BiasPrior::of(class, self.technique, radii[index] / scale.image_width());
             let prior = prior.by_law(&assumed, radii[index]);
-            let measured = annulus_bias2.map(|own| whole * own);
             Some(BiasLaw::combined(radii[index], measured, assumed.falls_to, prior))
-        };
-        let mut all = self.bias;
-        for class in [PhotonClass::Caustic, PhotonClass::Diffuse] {
-            all[class as usize] = bias(class).or(all[class as usize]);
-        }
+        });
         let reach = self.technique.reach(radii);
         Self {
             pairs: self.pairs.map(|part| pairs * part),
             light: self.light.map(|part| light * part),
             camera: measured.b,
-            bias: all,
+            bias,
             pair_time: self.pair_time.through(reach, times.merge_pair),
             times: TimeModel { merge_pair: 0.0, ..times },
             is_one_trial: false,
-            start_up: self.start_up.clone(),
-            ..*self
+            ..self.clone()
         }
     }
 

@@ -385,7 +385,7 @@ mod tests {
             let trial = runner.trial(&own, Some(class), 0.0).unwrap();
             trial.noise.pixels.iter().map(|pixel| pixel.noise.nested[1]).collect()
         };
-        let [every, last] = [PhotonClass::Caustic, PhotonClass::Diffuse].map(&mut nested);
+        let [every, last] = PhotonClass::ALL.map(&mut nested);
         let square = |values: &[f64]| values.iter().map(|d| d * d).sum::<f64>();
         let between: Vec<f64> = every.iter().zip(&last).map(|(a, b)| a - b).collect();
         assert!(square(&every) > 0.0 && square(&last) > 0.0);
