@@ -14,13 +14,6 @@ const CENTER_WIDTH: f64 = 1e-4;
 /// long before, unless the cost is flat.
 const MAX_NEIGHBORS: usize = 1024;
 
-/// The count that is constant along a line.
-#[derive(Clone, Copy)]
-enum Axis {
-    LightPaths,
-    CameraPaths,
-}
-
 /// The counts `[N_F, N_B]` with their score.
 type ScoredCounts = (Score, [u32; 2]);
 
@@ -45,8 +38,8 @@ impl Problem {
         let sampled = self.sampled();
         let criterion = sampled.criterion();
         let score = |n| sampled.score(&criterion, f64::from(n), f64::from(camera_paths));
-        let line = Line { problem: &sampled, criterion: &criterion, axis: Axis::CameraPaths };
-        let (_, best) = line.rounded(line.relaxed(f64::from(camera_paths)).1, camera_paths);
+        let lines = Lines { problem: &sampled, criterion: &criterion };
+        let (_, best) = lines.rounded(lines.relaxed(f64::from(camera_paths)).1, camera_paths);
         let least = score(best[0]);
         let flat = |n| {
             let score = score(n);
@@ -94,17 +87,10 @@ impl Problem {
         criterion: &Criterion,
         incumbent: Option<ScoredCounts>,
     ) -> ScoredCounts {
-        let line = |axis| Line { problem: self, criterion, axis };
-        let across = line(Axis::LightPaths);
-        let bounds = self.light_paths.map(f64::from);
-        let n_light = minimize(bounds, CENTER_WIDTH, self.is_convex(), |n| across.relaxed(n).0);
-        let n_camera = across.relaxed(n_light).1;
-        // Rounding the larger count costs little, so that few values of the smaller can win.
-        let best = if n_light < n_camera {
-            across.best_near(n_light, self.light_paths, incumbent)
-        } else {
-            line(Axis::CameraPaths).best_near(n_camera, self.camera_paths, incumbent)
-        };
+        let lines = Lines { problem: self, criterion };
+        let bounds = self.camera_paths.map(f64::from);
+        let center = minimize(bounds, CENTER_WIDTH, self.is_convex(), |n| lines.relaxed(n).0);
+        let best = lines.best_near(center, incumbent);
         let fewest = [self.light_paths[0], self.camera_paths[0]];
         best.unwrap_or_else(|| {
             let [n_light, n_camera] = fewest.map(f64::from);
@@ -113,83 +99,57 @@ impl Problem {
     }
 }
 
-/// A search at a constant number of either light or camera paths.
+/// Searches along the number of light paths, each at a constant number of camera paths.
 ///
-/// Time and mean variance are `T + t x` and `q + p/x` in the other count `x`. So the cost is convex
-/// in `x`, and the best whole number is beside the best `x`. The other objectives are convex in
-/// `ln x`.
+/// Time and mean variance are `T + t x` and `q + p/x` in the number `x` of light paths. So the cost
+/// is convex in `x`, and the best whole number is beside the best `x`. The other objectives are
+/// convex in `ln x`.
 // theory.md (81)
-struct Line<'a> {
+struct Lines<'a> {
     problem: &'a Problem,
     criterion: &'a Criterion,
-    axis: Axis,
 }
 
-impl Line<'_> {
-    /// `[N_F, N_B]` from the constant and the other count.
-    fn counts<T>(&self, constant: T, other: T) -> [T; 2] {
-        match self.axis {
-            Axis::LightPaths => [constant, other],
-            Axis::CameraPaths => [other, constant],
-        }
+impl Lines<'_> {
+    /// The best number of light paths, not rounded.
+    fn relaxed(&self, n_camera: f64) -> (Score, f64) {
+        let score = |n_light| self.problem.score(self.criterion, n_light, n_camera);
+        let bounds = self.problem.light_paths.map(f64::from);
+        let n_light = minimize(bounds, LINE_WIDTH, self.problem.is_convex(), score);
+        (score(n_light), n_light)
     }
 
-    fn score(&self, constant: f64, other: f64) -> Score {
-        let [n_light, n_camera] = self.counts(constant, other);
-        self.problem.score(self.criterion, n_light, n_camera)
-    }
-
-    /// Bounds of the other count.
-    fn bounds(&self) -> [u32; 2] {
-        match self.axis {
-            Axis::LightPaths => self.problem.camera_paths,
-            Axis::CameraPaths => self.problem.light_paths,
-        }
-    }
-
-    /// The best other count, not rounded.
-    fn relaxed(&self, constant: f64) -> (Score, f64) {
-        let score = |other| self.score(constant, other);
-        let bounds = self.bounds().map(f64::from);
-        let other = minimize(bounds, LINE_WIDTH, self.problem.is_convex(), score);
-        (score(other), other)
-    }
-
-    /// The better of the whole numbers beside `other`.
-    fn rounded(&self, other: f64, constant: u32) -> ScoredCounts {
-        let [least, most] = self.bounds();
-        let below = (other as u32).clamp(least, most);
-        let scored = |other| {
-            let score = self.score(f64::from(constant), f64::from(other));
-            (score, self.counts(constant, other))
+    /// The better of the whole numbers of light paths beside `n_light`.
+    fn rounded(&self, n_light: f64, n_camera: u32) -> ScoredCounts {
+        let [least, most] = self.problem.light_paths;
+        let below = (n_light as u32).clamp(least, most);
+        let scored = |n_light: u32| {
+            let [light, camera] = [n_light, n_camera].map(f64::from);
+            (self.problem.score(self.criterion, light, camera), [n_light, n_camera])
         };
         let (below, above) = (scored(below), scored(below.saturating_add(1).min(most)));
         if above.0.beats(&below.0) { above } else { below }
     }
 
-    /// The best counts for any whole constant in `[least, most]`, if they beat `incumbent`. Goes
-    /// outward from `center` in both directions until the bound, the score without rounding, says
-    /// that nothing better follows.
-    fn best_near(
-        &self,
-        center: f64,
-        [least, most]: [u32; 2],
-        incumbent: Option<ScoredCounts>,
-    ) -> Option<ScoredCounts> {
+    /// The best counts for any whole number of camera paths, if they beat `incumbent`. Goes outward
+    /// from `center` in both directions until the bound, the score without rounding, says that
+    /// nothing better follows.
+    fn best_near(&self, center: f64, incumbent: Option<ScoredCounts>) -> Option<ScoredCounts> {
         let mut best = incumbent;
-        let mut visit = |constants: &mut dyn Iterator<Item = u32>| {
-            for constant in constants.take(MAX_NEIGHBORS) {
-                let (bound, other) = self.relaxed(f64::from(constant));
+        let mut visit = |numbers: &mut dyn Iterator<Item = u32>| {
+            for n_camera in numbers.take(MAX_NEIGHBORS) {
+                let (bound, n_light) = self.relaxed(f64::from(n_camera));
                 if best.is_some_and(|(score, _)| !bound.beats(&score)) {
                     break;
                 }
-                let found = self.rounded(other, constant);
+                let found = self.rounded(n_light, n_camera);
                 let beats = |(score, _): ScoredCounts| found.0.beats(&score);
                 if found.0.is_valid() && best.is_none_or(beats) {
                     best = Some(found);
                 }
             }
         };
+        let [least, most] = self.problem.camera_paths;
         let center = (center as u32).clamp(least, most);
         visit(&mut (least..=center).rev());
         visit(&mut (center..=most).skip(1));

@@ -11,10 +11,6 @@ use bdpm_core::noise::Coefficients;
 use bdpm_core::render::bias_correction::shrinkage_of_photons;
 use bdpm_core::settings::Strategy;
 use bdpm_core::transport::kernel::ByClass;
-use bdpm_core::transport::photon::PhotonClass;
-
-const EVERY: usize = PhotonClass::Caustic as usize;
-const LAST: usize = PhotonClass::Diffuse as usize;
 
 /// Camera paths per pixel that are compared: steps of at most a factor of 2, which costs 5 % of the
 /// time at most (docs/measurements/optimum.md), up to counts that only very long renders can use.
@@ -276,23 +272,21 @@ impl Best {
 
     /// The candidate that the program reports.
     pub fn scored(&self, technique: Technique) -> Candidate {
-        let Self { radii, camera_paths, seconds, noise2, bias2, bias2_error, times, tried, .. } =
-            *self;
-        let medium_scale = self.medium_scale;
+        let [caustic_radius, radius] = self.radii.map(|radius| radius as f32);
         Candidate {
             technique,
-            radius: radii[LAST] as f32,
-            caustic_radius: radii[EVERY] as f32,
-            medium_scale,
+            radius,
+            caustic_radius,
+            medium_scale: self.medium_scale,
             light_paths: self.light_paths.round() as u32,
-            camera_paths,
-            seconds,
-            error: (noise2 + bias2).sqrt(),
-            noise: noise2.sqrt(),
-            bias: bias2.sqrt(),
-            bias2_error,
-            times,
-            tried,
+            camera_paths: self.camera_paths,
+            seconds: self.seconds,
+            error: (self.noise2 + self.bias2).sqrt(),
+            noise: self.noise2.sqrt(),
+            bias: self.bias2.sqrt(),
+            bias2_error: self.bias2_error,
+            times: self.times,
+            tried: self.tried,
         }
     }
 }
@@ -345,7 +339,7 @@ pub mod tests {
     fn counts_are_the_best_of_all_steps() {
         let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
         let mut merged = <ByClass<ClassBias>>::default();
-        merged[LAST].square = 1e-5;
+        merged[1].square = 1e-5;
         let at = |end| demand(end).evaluate(&coefficients, &time(), &merged, [1.0; 2]);
         let best = at(End::Time(100.0));
         let mut least = f64::INFINITY;

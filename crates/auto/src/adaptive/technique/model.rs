@@ -167,14 +167,9 @@ impl Model {
         demand: &CandidateCost,
         radii: ByClass<f64>,
     ) -> Best {
+        let shares = [self.blur(radii), self.caustics(radii)];
         let merged = self.merged(radii);
-        demand.evaluate_image(self.seen(radii), coefficients, time, &merged, radii)
-    }
-
-    /// The technique, the share of the noise of shared photons that averages over several pixels
-    /// keep, and the share of photons of caustics in the noise of pairs.
-    pub fn seen(&self, radii: ByClass<f64>) -> (Technique, [f64; 2]) {
-        (self.technique, [self.blur(radii), self.caustics(radii)])
+        demand.evaluate_image((self.technique, shares), coefficients, time, &merged, radii)
     }
 
     /// Share of the noise of shared photons that averages over several pixels keep, at some radii.
@@ -182,25 +177,22 @@ impl Model {
         if self.technique.strategy.has_only_caustics() {
             return kept_by_averages(radii[EVERY], self.footprint);
         }
-        let (mut sum, mut kept) = (0.0, 0.0);
-        for (part, radius) in self.light.iter().zip(radii) {
-            let noise = part / (radius * radius + self.footprint.powi(2));
-            sum += noise;
-            kept += noise * kept_by_averages(radius, self.footprint);
-        }
-        if sum > 0.0 { kept / sum } else { 1.0 }
+        let noise =
+            |class: usize| self.light[class] / (radii[class].powi(2) + self.footprint.powi(2));
+        let kept = |class: usize| noise(class) * kept_by_averages(radii[class], self.footprint);
+        let sum = noise(EVERY) + noise(LAST);
+        if sum > 0.0 { (kept(EVERY) + kept(LAST)) / sum } else { 1.0 }
     }
 
     /// Share of photons of caustics in the noise of pairs, at some radii.
     fn caustics(&self, radii: ByClass<f64>) -> f64 {
-        let [caustic, diffuse] =
-            [EVERY, LAST].map(|class| self.pairs[class] / radii[class].powi(2));
+        let [caustic, diffuse] = from_fn(|class| self.pairs[class] / radii[class].powi(2));
         let all = caustic + diffuse;
         if all > 0.0 { caustic / all } else { 0.0 }
     }
 
     /// Merge bias of both classes of photons at some radii: theory.md (93b), (71f).
-    pub fn merged(&self, radii: ByClass<f64>) -> ByClass<ClassBias> {
+    fn merged(&self, radii: ByClass<f64>) -> ByClass<ClassBias> {
         from_fn(|class| {
             let Some(bias) = self.bias[class] else { return ClassBias::default() };
             let [square, error] = bias.at(radii[class]);
@@ -327,15 +319,10 @@ fn parts(inverse: &[ByClass<f64>], values: &[f64], shares: ByClass<bool>) -> ByC
     let [last, every] = not_negative_parts([column(LAST), column(EVERY)], &ones);
     // The class whose part would be negative contributes next to nothing.
     let part = |class: usize, part: Option<f64>| match part {
-        Some(0.0) => {
-            let [alone] = not_negative_parts([column(class)], &ones);
-            MINIMUM_PART * alone.unwrap_or_default()
-        }
-        part => part.unwrap_or_default(),
+        Some(0.0) => not_negative_parts([column(class)], &ones)[0].map(|own| MINIMUM_PART * own),
+        part => part,
     };
-    let mut parts = [part(LAST, last); 2];
-    parts[EVERY] = part(EVERY, every);
-    parts
+    [part(EVERY, every), part(LAST, last)].map(Option::unwrap_or_default)
 }
 
 /// Means over trials, without the time of pairs.

@@ -88,16 +88,15 @@ impl CandidateCost {
                 // Large discs stay in sight, while small ones look like grain.
                 let counts = left + averaged * spots;
                 let is_shared = shares_photons(strategy, merge_vertex);
-                let discs = variance(&counts, &best) / variance(&left, &best);
-                let discs = if is_shared && discs >= 1.0 { discs } else { 1.0 };
+                let discs = (variance(&counts, &best) / variance(&left, &best)).max(1.0);
+                let discs = if is_shared { discs } else { 1.0 };
                 let seen = discs * rare * few(&best);
                 return Best { coefficients: *image, seen, ..best };
             }
         }
         let counts = *image + averaged * spots;
         let best = own.evaluate(&counts, time, merged, radii);
-        let seen = variance(&counts, &best) / variance(image, &best);
-        let seen = if seen >= 1.0 { seen } else { 1.0 };
+        let seen = (variance(&counts, &best) / variance(image, &best)).max(1.0);
         let (noise2, seen) = (best.noise2 / seen, seen * few(&best) * rare);
         Best { coefficients: *image, noise2, seen, ..best }
     }
