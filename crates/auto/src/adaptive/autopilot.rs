@@ -253,7 +253,9 @@ impl Autopilot {
         let Some(next_choice) = self.state.next_choice else { return true };
         let share_of_time = |time: Duration| (now - self.earlier) / time.as_secs_f64();
         let is_third = stop.time.is_some_and(|time| share_of_time(time) >= PROMISE_SHARE);
-        if self.state.promise.is_none() && (is_third || is_promise_check_due(renderer, first)) {
+        if self.state.promise.is_none()
+            && (is_third || is_doubled(renderer.film().iterations, first))
+        {
             self.state.promise = self.make_promise(renderer, stop, now - self.earlier);
         }
         let is_late = stop.time.is_some_and(|time| share_of_time(time) >= LAST_CHOICE_SHARE);
@@ -262,10 +264,8 @@ impl Autopilot {
 
     /// Keeps the times of the latest two marks.
     fn mark(&mut self, iterations: u64, seconds: f64) {
-        let is_mark = iterations.is_multiple_of(MEASURE_EVERY)
-            && (iterations / MEASURE_EVERY).is_power_of_two();
         let [_, latest] = self.state.marks;
-        if is_mark && latest.iterations != iterations {
+        if is_doubled(iterations, MEASURE_EVERY) && latest.iterations != iterations {
             self.state.marks = [latest, Mark { iterations, seconds }];
         }
     }
@@ -326,9 +326,8 @@ fn convergence(renderer: &Renderer, stop: &Stop) -> Convergence {
     Convergence::new(renderer.blocks(), weights, &importance)
 }
 
-/// Returns true after `first` iterations of a block, twice as many, and so on, since each check
-/// takes a pass over the image.
-fn is_promise_check_due(renderer: &Renderer, first: u64) -> bool {
-    let iterations = renderer.film().iterations;
+/// Returns true after `first` iterations of a block, twice as many, and so on, since each look at
+/// the image takes a pass over it.
+fn is_doubled(iterations: u64, first: u64) -> bool {
     iterations.is_multiple_of(first) && (iterations / first).is_power_of_two()
 }

@@ -58,7 +58,14 @@ pub fn not_negative_parts<const N: usize>(
 pub fn least_squares(columns: &[&[f64]], samples: &[TimeSample], scales: &[f64]) -> Solution {
     let spare = samples.len() - columns.len();
     let errors_known = samples.iter().all(|sample| sample.error.is_some());
-    let solve = |deviation: f64| Weighted::new(columns, samples, scales, deviation);
+    let weights = |deviation: f64| -> Vec<f64> {
+        let weight = |(sample, scale): (&TimeSample, &f64)| {
+            // theory.md (78)
+            sample.error.unwrap_or(0.0).hypot(deviation * scale).powi(2).recip()
+        };
+        samples.iter().zip(scales).map(weight).collect()
+    };
+    let seconds: Vec<f64> = samples.iter().map(|sample| sample.seconds).collect();
     let deviation = match (spare, errors_known) {
         (0, true) => MIN_DEVIATION,
         // The weights matter only if a bound keeps the fit from being exact.
@@ -66,40 +73,21 @@ pub fn least_squares(columns: &[&[f64]], samples: &[TimeSample], scales: &[f64])
         (spare, _) => {
             // Mandel and Paule: the square sum of weighted residuals falls with the deviation.
             // theory.md (78)
-            let is_enough = |deviation| solve(deviation).square_sum <= spare as f64;
-            bisect([MIN_DEVIATION, 10.0], 1e-11, is_enough)[1]
+            let square_sum = |deviation| not_negative(columns, &weights(deviation), &seconds).1;
+            bisect([MIN_DEVIATION, 10.0], 1e-11, |own| square_sum(own) <= spare as f64)[1]
         }
     };
-    let solved = solve(deviation);
-    let variances = (spare > 0 || errors_known).then(|| solved.variances(columns));
-    Solution { values: solved.values, variances }
+    let weights = weights(deviation);
+    let variances = (spare > 0 || errors_known).then(|| variances(columns, &weights));
+    Solution { values: not_negative(columns, &weights, &seconds).0, variances }
 }
 
-/// The least squares at one relative deviation of the model.
-struct Weighted {
-    values: Vec<f64>,
-    weights: Vec<f64>,
-    square_sum: f64,
-}
-
-impl Weighted {
-    fn new(columns: &[&[f64]], samples: &[TimeSample], scales: &[f64], deviation: f64) -> Self {
-        let weight = |(sample, scale): (&TimeSample, &f64)| {
-            // theory.md (78)
-            sample.error.unwrap_or(0.0).hypot(deviation * scale).powi(2).recip()
-        };
-        let weights: Vec<f64> = samples.iter().zip(scales).map(weight).collect();
-        let seconds: Vec<f64> = samples.iter().map(|sample| sample.seconds).collect();
-        let (values, square_sum) = not_negative(columns, &weights, &seconds);
-        Self { values, weights, square_sum }
-    }
-
-    fn variances(&self, columns: &[&[f64]]) -> Vec<f64> {
-        let all: Vec<usize> = (0..columns.len()).collect();
-        let unit = |k: usize| (0..columns.len()).map(|i| f64::from(u8::from(i == k))).collect();
-        let normal = normal(columns, &all, &self.weights);
-        (0..columns.len()).map(|k| gauss(normal.clone(), unit(k))[k]).collect()
-    }
+/// The diagonal of the inverse of the normal matrix.
+fn variances(columns: &[&[f64]], weights: &[f64]) -> Vec<f64> {
+    let all: Vec<usize> = (0..columns.len()).collect();
+    let unit = |k: usize| all.iter().map(|i| f64::from(u8::from(*i == k))).collect();
+    let normal = normal(columns, &all, weights);
+    all.iter().map(|&k| gauss(normal.clone(), unit(k))[k]).collect()
 }
 
 /// The best values that are not negative, and the weighted square sum of their residuals. The
@@ -107,10 +95,10 @@ impl Weighted {
 /// columns, so that all subsets can be tried.
 fn not_negative(columns: &[&[f64]], weights: &[f64], seconds: &[f64]) -> (Vec<f64>, f64) {
     let square_sum = |values: &[f64]| {
-        let fitted = combine(columns, values, seconds.len());
-        let squares =
-            fitted.iter().zip(seconds).zip(weights).map(|((f, s), w)| w * (f - s).powi(2));
-        squares.sum::<f64>()
+        let fitted =
+            |row: usize| columns.iter().zip(values).map(|(own, v)| own[row] * v).sum::<f64>();
+        let square = |row: usize| weights[row] * (fitted(row) - seconds[row]).powi(2);
+        (0..seconds.len()).map(square).sum::<f64>()
     };
     let zero = vec![0.0; columns.len()];
     let mut best = (zero.clone(), square_sum(&zero));
@@ -128,12 +116,6 @@ fn not_negative(columns: &[&[f64]], weights: &[f64], seconds: &[f64]) -> (Vec<f6
         }
     }
     best
-}
-
-/// The sums of the columns times the values, row by row.
-fn combine(columns: &[&[f64]], values: &[f64], rows: usize) -> Vec<f64> {
-    let row = |i: usize| columns.iter().zip(values).map(|(column, v)| column[i] * v).sum();
-    (0..rows).map(row).collect()
 }
 
 fn dot(a: &[f64], b: &[f64], weights: &[f64]) -> f64 {

@@ -123,10 +123,7 @@ impl TrialRunner<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::adaptive::technique::candidate_cost::ClassBias;
-    use crate::adaptive::technique::candidate_cost::tests::{demand, time, times};
-    use bdpm_core::noise::Coefficients;
-    use bdpm_core::transport::kernel::ByClass;
+    use crate::adaptive::technique::candidate_cost::tests::{IMAGE, demand, time, times};
 
     #[test]
     fn four_times_the_light_paths_take_twice_the_time_of_merging() {
@@ -144,9 +141,7 @@ mod tests {
         let factor = |seconds: f64, light_paths: f64| {
             let demand =
                 CandidateCost { light_paths: Some(light_paths), ..demand(End::Time(seconds)) };
-            let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
-            let merged = <ByClass<ClassBias>>::default();
-            let own = demand.evaluate(&coefficients, &time(), &merged, [1.0; 2]);
+            let own = demand.evaluate(&IMAGE, &time(), &Default::default(), [1.0; 2]);
             assert_eq!(own.light_paths, light_paths);
             too_long(&times(), &own, &demand)
         };

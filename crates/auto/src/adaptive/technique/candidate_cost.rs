@@ -335,12 +335,19 @@ pub mod tests {
         }
     }
 
+    /// Coefficients of an image for the tests of this folder.
+    pub const IMAGE: Coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
+
+    /// The best counts for that image without a bias, whose start-up takes some seconds.
+    fn with_start_up(demand: &CandidateCost, seconds: f64) -> Best {
+        let time = RenderTime { start_up: Some(constant(seconds)), ..time() };
+        demand.evaluate(&IMAGE, &time, &Default::default(), [1.0; 2])
+    }
+
     #[test]
     fn counts_are_the_best_of_all_steps() {
-        let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
-        let mut merged = <ByClass<ClassBias>>::default();
-        merged[1].square = 1e-5;
-        let at = |end| demand(end).evaluate(&coefficients, &time(), &merged, [1.0; 2]);
+        let merged = [ClassBias::default(), ClassBias { square: 1e-5, ..ClassBias::default() }];
+        let at = |end| demand(end).evaluate(&IMAGE, &time(), &merged, [1.0; 2]);
         let best = at(End::Time(100.0));
         let mut least = f64::INFINITY;
         for n_camera in CAMERA_STEPS {
@@ -348,7 +355,7 @@ pub mod tests {
                 let n_light = 10.0 * 1.04f64.powi(step);
                 let tau = times().iteration(n_light, f64::from(n_camera));
                 if tau <= 100.0 / MIN_ITERATIONS_AFTER_CHOICE {
-                    let cost = tau * coefficients.variance(n_light, f64::from(n_camera));
+                    let cost = tau * IMAGE.variance(n_light, f64::from(n_camera));
                     least = least.min(cost / 100.0);
                 }
             }
@@ -365,13 +372,8 @@ pub mod tests {
 
     #[test]
     fn too_few_iterations_rank_lower_than_their_error() {
-        let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
-        let merged = <ByClass<ClassBias>>::default();
         let demand = demand(End::Time(100.0));
-        let with = |start_up: f64| {
-            let time = RenderTime { start_up: Some(constant(start_up)), ..time() };
-            demand.evaluate(&coefficients, &time, &merged, [1.0; 2])
-        };
+        let with = |seconds: f64| with_start_up(&demand, seconds);
         let many = with(0.0);
         assert!(many.iterations > 2.0 * MIN_KNOWN_ITERATIONS, "{many:?}");
         assert_eq!(many.rank(&demand), many.noise2 + many.bias2);
@@ -392,12 +394,8 @@ pub mod tests {
 
     #[test]
     fn start_up_leaves_less_time_for_iterations() {
-        let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
-        let merged = <ByClass<ClassBias>>::default();
         let with = |end, seconds: f64, ranks| {
-            let time = RenderTime { start_up: Some(constant(seconds)), ..time() };
-            let demand = CandidateCost { ranks, ..demand(end) };
-            demand.evaluate(&coefficients, &time, &merged, [1.0; 2])
+            with_start_up(&CandidateCost { ranks, ..demand(end) }, seconds)
         };
         let plain = with(End::Time(100.0), 0.0, 1);
         let quarter = with(End::Time(100.0), 25.0, 1);
@@ -413,7 +411,7 @@ pub mod tests {
         // A start-up beyond the time leaves the noise of an iteration, not less.
         let endless = with(End::Time(100.0), 1e6, 1);
         let tau = times().iteration(endless.light_paths, f64::from(endless.camera_paths));
-        let iteration = coefficients.variance(endless.light_paths, f64::from(endless.camera_paths));
+        let iteration = IMAGE.variance(endless.light_paths, f64::from(endless.camera_paths));
         assert!(tau < 100.0 && (endless.noise2 / iteration - 1.0).abs() < 1e-9, "{endless:?}");
     }
 }
