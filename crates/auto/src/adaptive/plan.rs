@@ -148,24 +148,23 @@ impl Plan {
         let broken = |problem: String| Error::new(format!("the plan is broken: {problem}"), advice);
         let written: Vec<WrittenStep> =
             serde_json::from_str(text).map_err(|e| broken(e.to_string()))?;
-        let step = |step: WrittenStep| {
-            let camera_paths = match step.camera_paths {
+        let step = |WrittenStep { light_paths, camera_paths, rendered }| {
+            let camera_paths = match camera_paths {
                 WrittenCounts::Uniform(count) => CameraCounts::Uniform(count),
                 WrittenCounts::Layer(name) => {
                     let values = image.layer(&name).and_then(|layer| layer.channel("Y"));
-                    let values =
-                        values.ok_or_else(|| broken(format!("there is no layer {name}")))?;
+                    let Some(values) = values else {
+                        return Err(broken(format!("there is no layer {name}")));
+                    };
                     let is_count = |&x: &f32| x.fract() == 0.0 && (1.0..=16_777_216.0).contains(&x);
                     if !values.iter().all(is_count) {
-                        return Err(broken(format!(
-                            "layer {name} holds values other than positive integers"
-                        )));
+                        let problem = "holds values other than positive integers";
+                        return Err(broken(format!("layer {name} {problem}")));
                     }
                     CameraCounts::PerPixel(values.iter().map(|&x| x as u32).collect())
                 }
             };
-            let counts = Counts { light_paths: step.light_paths, camera_paths };
-            Ok(Step { counts, rendered: step.rendered })
+            Ok(Step { counts: Counts { light_paths, camera_paths }, rendered })
         };
         let steps = written.into_iter().map(step).collect::<Result<Vec<_>>>()?;
         let plan = Self { steps };

@@ -80,8 +80,6 @@ enum Term {
 }
 
 impl Term {
-    const ALL: [Self; 4] = [Self::One, Self::LightPaths, Self::CameraPaths, Self::Pairs];
-
     fn of(self, sample: &TimeSample, pixels: f64) -> f64 {
         match self {
             Self::One => 1.0,
@@ -114,12 +112,8 @@ impl Term {
     }
 }
 
-/// The coefficients of one phase by [`Term`], and their variances where they are known.
-#[derive(Clone, Copy, Debug)]
-struct PhaseFit {
-    values: [f64; Term::ALL.len()],
-    variances: [Option<f64>; Term::ALL.len()],
-}
+/// A term of one phase with its coefficient, and the variance of that where it is known.
+type FittedTerm = (Term, f64, Option<f64>);
 
 /// Fits samples of an image of `pixels` pixels, in any order. The light, camera and merge phases
 /// need one sample each at least; for errors, one more size than the phase has coefficients, or
@@ -162,19 +156,17 @@ fn fit_phases(samples: &[TimeSample], pixels: f64, scale: impl Fn(&TimeSample) -
     for phase in Phase::ALL {
         let own: Vec<TimeSample> = samples.iter().filter(|s| s.phase == phase).copied().collect();
         let scales: Vec<f64> = own.iter().map(|sample| scale(sample).max(CLOCK)).collect();
-        let (fit, note) = fit_phase(phase, &own, &scales, pixels);
+        let (parts, note) = fit_phase(phase, &own, &scales, pixels);
         notes.extend(note);
         points.extend(own.iter().map(|sample| {
             let TimeSample { phase, light_paths, camera_paths, seconds: measured, error } = *sample;
-            let part = |term: Term| fit.values[term as usize] * term.of(sample, pixels);
-            let fitted = Term::ALL.map(part).into_iter().sum();
+            let fitted = parts.iter().map(|(term, own, _)| own * term.of(sample, pixels)).sum();
             FittedTime { phase, light_paths, camera_paths, measured, error, fitted }
         }));
-        for term in Term::ALL {
+        for (term, own, variance) in &parts {
             let index = term.coefficient(phase);
-            seconds[index] += fit.values[term as usize];
-            let own = fit.variances[term as usize];
-            variances[index] = variances[index].zip(own).map(|(sum, own)| sum + own);
+            seconds[index] += own;
+            variances[index] = variances[index].zip(*variance).map(|(sum, own)| sum + own);
         }
     }
     let [fixed, light_path, camera_path, look_up, merge_pair] =
@@ -210,7 +202,7 @@ fn fit_phase(
     samples: &[TimeSample],
     scales: &[f64],
     pixels: f64,
-) -> (PhaseFit, Option<String>) {
+) -> (Vec<FittedTerm>, Option<String>) {
     let terms = Term::all_of(phase);
     let column = |term: Term| samples.iter().map(|s| term.of(s, pixels)).collect();
     let columns: Vec<Vec<f64>> = terms.iter().map(|&term| column(term)).collect();
@@ -218,31 +210,26 @@ fn fit_phase(
     let used: Vec<&[f64]> = kept.iter().map(|&index| &columns[index][..]).collect();
     let solution = least_squares(&used, samples, scales);
 
-    // The time of a term that is left out is in another one: its value is unknown, not 0.
-    let mut fit = PhaseFit { values: [0.0; 4], variances: [Some(0.0); 4] };
-    for (place, &index) in kept.iter().enumerate() {
-        let term = terms[index] as usize;
-        fit.values[term] = solution.values[place];
-        fit.variances[term] = solution.variances.as_ref().map(|all| all[place]);
-    }
-    let left: Vec<Term> =
-        (0..terms.len()).filter(|i| !kept.contains(i)).map(|i| terms[i]).collect();
+    let variance = |place: usize| solution.variances.as_ref().map(|all| all[place]);
+    let of =
+        |(place, &index): (usize, &usize)| (terms[index], solution.values[place], variance(place));
+    let mut parts: Vec<FittedTerm> = kept.iter().enumerate().map(of).collect();
+    let left: Vec<usize> = (0..terms.len()).filter(|index| !kept.contains(index)).collect();
     // The rest may leave terms out: their time belongs to `fixed`.
     if left.is_empty() || phase == Phase::Rest {
-        return (fit, None);
+        return (parts, None);
     }
-    left.iter().for_each(|&term| fit.variances[term as usize] = None);
-    let names = |terms: &[Term]| {
-        let names: Vec<_> =
-            terms.iter().map(|term| COEFFICIENTS[term.coefficient(phase)]).collect();
-        names.join(" and ")
+    // The time of a term that is left out is in another one: its value is unknown, not 0.
+    parts.extend(left.iter().map(|&index| (terms[index], 0.0, None)));
+    let names = |indices: &[usize]| {
+        let names = indices.iter().map(|&index| COEFFICIENTS[terms[index].coefficient(phase)]);
+        names.collect::<Vec<_>>().join(" and ")
     };
-    let kept: Vec<Term> = kept.iter().map(|&index| terms[index]).collect();
     let note = format!(
         "the sizes of the {} phase do not distinguish {} from {}",
         phase.name(),
         names(&left),
         names(&kept)
     );
-    (fit, Some(note))
+    (parts, Some(note))
 }

@@ -77,76 +77,64 @@ pub struct Technique {
     pub medium_query: Option<MediumQuery>,
 }
 
-/// Settings that the pilot may choose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct FreeParameters {
+/// Declares settings that may be free.
+macro_rules! free_parameters {
+    ($($(#[$doc:meta])* $name:ident,)*) => {
+        /// Settings that the pilot may choose.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+        pub struct FreeParameters {
+            $($(#[$doc])* pub $name: bool,)*
+        }
+
+        impl FreeParameters {
+            /// Everything.
+            pub const ALL: Self = Self { $($name: true,)* };
+
+            /// Nothing but the counts.
+            pub const NONE: Self = Self { $($name: false,)* };
+
+            /// Whether the setting of this name may be chosen.
+            pub fn includes(&self, setting: &str) -> bool {
+                match setting {
+                    $(stringify!($name) => self.$name,)*
+                    "merge_vertex" => self.strategy,
+                    "light_visibility" => self.any(),
+                    _ => false,
+                }
+            }
+        }
+    };
+}
+
+free_parameters! {
     /// Strategy and merge vertex.
-    pub strategy: bool,
+    strategy,
     /// Direct light.
-    pub direct: bool,
+    direct,
     /// The merge radius.
-    pub radius: bool,
+    radius,
     /// The radius for photons without a diffuse bounce.
-    pub caustic_radius: bool,
+    caustic_radius,
     /// Where photons in media are merged.
-    pub medium_query: bool,
+    medium_query,
     /// The radii in media.
-    pub medium_scale: bool,
+    medium_scale,
     /// Where light paths start.
-    pub guide: bool,
+    guide,
     /// The size of the sets of light paths that start from Sobol points.
-    pub sobol_set: bool,
+    sobol_set,
     /// How light paths split.
-    pub splitting: bool,
+    splitting,
     /// Whether the merge bias is corrected.
-    pub bias: bool,
+    bias,
 }
 
 impl FreeParameters {
-    /// Everything.
-    pub const ALL: Self = Self::everything(true);
-
-    /// Nothing but the counts.
-    pub const NONE: Self = Self::everything(false);
-
-    const fn everything(open: bool) -> Self {
-        Self {
-            strategy: open,
-            direct: open,
-            radius: open,
-            caustic_radius: open,
-            medium_query: open,
-            medium_scale: open,
-            guide: open,
-            sobol_set: open,
-            splitting: open,
-            bias: open,
-        }
-    }
-
     /// Whether the pilot may choose more than the counts.
     pub fn any(&self) -> bool {
         let Self { strategy, direct, radius, caustic_radius, guide, .. } = *self;
         let in_media = self.medium_query || self.medium_scale;
         strategy || direct || radius || caustic_radius || guide || in_media
-    }
-
-    /// Whether the setting of this name may be chosen.
-    pub fn includes(&self, setting: &str) -> bool {
-        match setting {
-            "strategy" | "merge_vertex" => self.strategy,
-            "direct" => self.direct,
-            "radius" => self.radius,
-            "caustic_radius" => self.caustic_radius,
-            "medium_query" => self.medium_query,
-            "medium_scale" => self.medium_scale,
-            "guide" => self.guide,
-            "sobol_set" => self.sobol_set,
-            "splitting" => self.splitting,
-            "bias" => self.bias,
-            "light_visibility" => self.any(),
-            _ => false,
-        }
     }
 
     /// Whether to correct the merge bias: yes, unless the settings decide.
