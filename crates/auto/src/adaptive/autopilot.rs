@@ -1,6 +1,7 @@
 //! Automatic path counts: first those of the settings, from the choice of technique, then the
 //! optimum. It is chosen again a few times from all measurements so far.
 
+pub use super::count_choice::CountOptions;
 use super::count_choice::{CountChoice, CountChooser, ExpectedCosts, fitted_times, is_large};
 use super::error_interval::ErrorInterval;
 use super::stopping::{Convergence, Stop, importance};
@@ -37,17 +38,6 @@ const LAST_CHOICE_SHARE: f64 = 0.25;
 
 /// Share of the time after which the counts stay as they are, and the error at the end is promised.
 const PROMISE_SHARE: f64 = 1.0 / 3.0;
-
-/// How counts are chosen.
-#[derive(Clone, Copy, Debug)]
-pub struct CountOptions {
-    /// True if camera paths may differ between pixels.
-    pub per_pixel: bool,
-    /// The image is denoised: what counts is the noise that is left.
-    pub denoises: bool,
-    /// Known times, which replace the measured ones.
-    pub times: Option<TimeModel>,
-}
 
 /// Chooses the counts of a renderer while it renders.
 #[derive(Debug)]
@@ -188,11 +178,11 @@ impl Autopilot {
     fn choose(&self, renderer: &Renderer, stop: &Stop, elapsed: f64) -> CountChoice {
         let convergence = convergence(renderer, stop);
         let ranks = f64::from(renderer.config().ranks);
-        let CountOptions { per_pixel, denoises, times } = self.options;
-        let times = times.map(|times| times.scaled(ranks.recip()));
+        let options = self.options;
+        let times = options.times.map(|times| times.scaled(ranks.recip()));
         let times =
             times.unwrap_or_else(|| fitted_times(&self.state.pilot_times, renderer.blocks()));
-        CountChooser { renderer, convergence, stop, elapsed, times, per_pixel, denoises }.choose()
+        CountChooser { renderer, convergence, stop, elapsed, times, options }.choose()
     }
 
     /// Prepares the next iteration, after `elapsed` seconds of this run, and returns its

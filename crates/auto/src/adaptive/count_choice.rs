@@ -2,6 +2,7 @@
 
 use super::denoised_noise::left_by_denoiser;
 use super::neighbor_counts::by_neighbors;
+use super::optimize::measured::of_neighborhoods;
 use super::optimize::{
     CountLimits, MAX_CAMERA_PATHS, NEAR_OPTIMUM, Objective, PerPixel, Problem, Uniform,
 };
@@ -95,10 +96,18 @@ pub struct CountChooser<'a> {
     pub elapsed: f64,
     /// Times of an iteration.
     pub times: TimeModel,
+    pub options: CountOptions,
+}
+
+/// How counts are chosen.
+#[derive(Clone, Copy, Debug)]
+pub struct CountOptions {
     /// True if camera paths may differ between pixels.
     pub per_pixel: bool,
-    /// True if the image is denoised: what counts is the noise that is left.
+    /// The image is denoised: what counts is the noise that is left.
     pub denoises: bool,
+    /// Known times, which replace the measured ones.
+    pub times: Option<TimeModel>,
 }
 
 impl CountChooser<'_> {
@@ -145,14 +154,14 @@ impl CountChooser<'_> {
         let one_path_each = scale * pooled.evaluate_uniform(settings.pixels() as u32, 1).cost;
         // The cost of the present counts is measured from the samples of the block.
         // theory.md (88)
-        let present_tau = self.iteration_time(&renderer.block().counts);
+        let present_tau = self.times.at(&renderer.block().counts);
         let present = self.convergence.per_iteration.unwrap_or(0.0) * present_tau;
         let mut is_worthwhile = scale * cost < present * (1.0 - WORTHWHILE);
         let chosen = if is_worthwhile { &counts } else { &renderer.block().counts };
         if let Some(fitting) = self.fitting_counts(chosen) {
             (counts, is_worthwhile) = (fitting, true);
         }
-        let tau = if is_worthwhile { self.iteration_time(&counts) } else { present_tau };
+        let tau = if is_worthwhile { self.times.at(&counts) } else { present_tau };
         let costs = ExpectedCosts { tau, one_path_each, uniform: scale * uniform.cost };
         CountChoice { is_worthwhile, counts, costs }
     }
@@ -164,7 +173,7 @@ impl CountChooser<'_> {
         noise: Vec<Coefficients>,
         luminance: &[f64],
     ) -> (Vec<Coefficients>, f64) {
-        if !self.denoises {
+        if !self.options.denoises {
             return (noise, 1.0);
         }
         let Settings { strategy, merge_vertex, .. } = *self.renderer.settings();
@@ -179,11 +188,6 @@ impl CountChooser<'_> {
         };
         let share = variance(&left) / variance(&noise);
         (left, if share > 0.0 { share } else { 1.0 })
-    }
-
-    /// Time of an iteration at these counts, seconds.
-    fn iteration_time(&self, counts: &Counts) -> f64 {
-        self.times.iteration(f64::from(counts.light_paths), counts.camera_paths.mean())
     }
 
     /// Maximum time of an iteration, seconds: enough of them must fit in the remaining time. If a
@@ -225,7 +229,7 @@ impl CountChooser<'_> {
     ) -> (Counts, f64) {
         let allowed = self.renderer.allowed_light_paths();
         let is_better = |own: &PerPixel| own.cost < uniform.cost * (1.0 - WORTHWHILE_PER_PIXEL);
-        if let Some(best) = per_pixel.filter(|own| self.per_pixel && is_better(own)) {
+        if let Some(best) = per_pixel.filter(|own| self.options.per_pixel && is_better(own)) {
             let camera_paths = CameraCounts::PerPixel(grid.expanded(&best.camera_paths));
             let light_paths = allowed.nearest(best.light_paths);
             return (Counts { light_paths, camera_paths }, best.cost);
@@ -316,10 +320,8 @@ const FITTING_RATIOS: [f64; 2] = [0.5, 8.0];
 pub fn fitted_times(pilot_times: &TimeModel, blocks: &[Block]) -> TimeModel {
     let (mut measured, mut predicted) = (0.0, 0.0);
     for Block { counts, clock, .. } in blocks {
-        let iteration =
-            pilot_times.iteration(f64::from(counts.light_paths), counts.camera_paths.mean());
         measured += clock.times.wall.as_secs_f64();
-        predicted += clock.iterations as f64 * iteration;
+        predicted += clock.iterations as f64 * pilot_times.at(counts);
     }
     let scale = if measured > 0.0 && predicted > 0.0 { measured / predicted } else { 1.0 };
     pilot_times.scaled(scale)
@@ -328,14 +330,12 @@ pub fn fitted_times(pilot_times: &TimeModel, blocks: &[Block]) -> TimeModel {
 /// Coefficients for the allocation of camera paths, at least 0. With few measurements, a cell has
 /// those of its 5 by 5 neighborhood. With more, the weight of its own coefficients increases.
 fn smoothed(blocks: &[Block], measured: &[Coefficients], grid: CellGrid) -> Vec<Coefficients> {
-    let (width, height) = grid.size();
-    let values: Vec<_> = measured.iter().map(|c| [c.a, c.b, c.f]).collect();
-    let pooled = box_filter(&values, width, height);
+    let pooled = of_neighborhoods(measured, grid.size());
     let freedom = block::degrees_of_freedom(blocks);
-    let mixed = |((&pixel, [a, b, f]), freedom): ((&Coefficients, [f64; 3]), f64)| {
+    let mixed = |((&pixel, pooled), freedom): ((&Coefficients, Coefficients), f64)| {
         // theory.md (87)
         let share = freedom / (freedom + PRIOR_FREEDOM);
-        (pixel * share + Coefficients { a, b, f } * (1.0 - share)).clamped()
+        (pixel * share + pooled * (1.0 - share)).clamped()
     };
     measured.iter().zip(pooled).zip(freedom).map(mixed).collect()
 }

@@ -17,6 +17,7 @@ pub mod setup;
 pub use file::Timings;
 
 use bdpm_core::base::error::{Error, Result};
+use bdpm_core::film::counts::Counts;
 use serde::{Deserialize, Serialize};
 
 /// `tau(N_F, n) = fixed + light_path N_F + (camera_path + look_up) sum_p n_p
@@ -95,6 +96,11 @@ impl TimeModel {
     pub fn iteration(&self, n_light: f64, n_camera: f64) -> f64 {
         let [base, per_light_path] = self.in_light_paths(n_camera);
         base + per_light_path * n_light
+    }
+
+    /// Seconds of an iteration at these counts.
+    pub fn at(&self, counts: &Counts) -> f64 {
+        self.iteration(f64::from(counts.light_paths), counts.camera_paths.mean())
     }
 
     /// Seconds of an iteration by cause: `fixed`, light paths, camera paths, and merging with its

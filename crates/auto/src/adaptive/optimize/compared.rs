@@ -100,7 +100,7 @@ impl ComparedCounts {
     /// Noise and time at all counts, up to the end of `budget`.
     pub fn rows(&self, measured: &MeasuredProblem, budget: Budget) -> Vec<CountsRow> {
         let row = |(name, counts): &(RowName, Counts)| {
-            let (iteration_time, rms) = (measured.time(counts), measured.rms(counts));
+            let (iteration_time, rms) = (measured.model.at(counts), measured.rms(counts));
             let (rms_after, time_to_target) = match budget {
                 Budget::Unbounded => (None, None),
                 Budget::Time(time) => {

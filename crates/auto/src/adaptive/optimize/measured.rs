@@ -65,7 +65,7 @@ pub struct MeasuredProblem<'a> {
     /// Weight of each pixel's variance, on average 1.
     weights: Vec<f64>,
     objective: Objective,
-    model: TimeModel,
+    pub(super) model: TimeModel,
 }
 
 impl<'a> MeasuredProblem<'a> {
@@ -128,11 +128,6 @@ impl<'a> MeasuredProblem<'a> {
         Counts { light_paths, camera_paths: CameraCounts::PerPixel(camera_paths) }
     }
 
-    /// Time of one iteration, seconds.
-    pub fn time(&self, counts: &Counts) -> f64 {
-        self.model.iteration(f64::from(counts.light_paths), counts.camera_paths.mean())
-    }
-
     /// Root of the objective for one iteration by equation (1), luminance, W/(m^2 sr).
     pub fn rms(&self, counts: &Counts) -> Predicted {
         self.statistic(|coefficients| self.variance(coefficients, counts).max(0.0).sqrt())
@@ -144,7 +139,7 @@ impl<'a> MeasuredProblem<'a> {
         if counts == other {
             return Predicted { value: 1.0, error: None };
         }
-        let times = self.time(other) / self.time(counts);
+        let times = self.model.at(other) / self.model.at(counts);
         self.statistic(|coefficients| {
             let variance = self.variance(coefficients, counts);
             // Without noise no counts are better than others.
@@ -183,16 +178,17 @@ impl<'a> MeasuredProblem<'a> {
 
 /// Means over 5 by 5 pixels, at least 0, for the pixels of a region. `all` holds the coefficients
 /// of the whole image.
-fn smoothed(
+fn smoothed(all: &[Coefficients], size: (u32, u32), region: &[usize]) -> Vec<Coefficients> {
+    let pooled = of_neighborhoods(all, size);
+    region.iter().map(|&i| pooled[i].clamped()).collect()
+}
+
+/// Means over 5 by 5 pixels.
+pub(in crate::adaptive) fn of_neighborhoods(
     all: &[Coefficients],
     (width, height): (u32, u32),
-    region: &[usize],
 ) -> Vec<Coefficients> {
     let values: Vec<_> = all.iter().map(|c| [c.a, c.b, c.f]).collect();
-    let pooled = box_filter(&values, width, height);
-    let smoothed = |&i: &usize| {
-        let [a, b, f] = pooled[i];
-        Coefficients { a, b, f }.clamped()
-    };
-    region.iter().map(smoothed).collect()
+    let pooled = box_filter(&values, width, height).into_iter();
+    pooled.map(|[a, b, f]| Coefficients { a, b, f }).collect()
 }
