@@ -11,8 +11,8 @@
 //! an iteration.
 
 use bdpm::accel::Intersect;
-use bdpm::adaptive::autopilot::Autopilot;
 use bdpm::adaptive::autopilot::FIRST_ITERATIONS;
+use bdpm::adaptive::autopilot::{Autopilot, AutopilotState, CountOptions};
 use bdpm::adaptive::optimize::{CountLimits, MAX_CAMERA_PATHS, NEAR_OPTIMUM, Objective, Problem};
 use bdpm::adaptive::stopping::Stop;
 use bdpm::adaptive::technique::{self, End, FreeParameters};
@@ -120,9 +120,12 @@ fn candidates(
     let end = End::Time(0.5 * time.as_secs_f64());
     let base = Renderer::new(scene, accel, settings.clone())?;
     let (chosen, _) = technique::choose(&base, FreeParameters::NONE, end, false)?;
-    let autopilot = || Autopilot::new(chosen.best().times, 0.0);
+    let autopilot = |per_pixel| {
+        let options = CountOptions { per_pixel, denoises: false, times: None };
+        Autopilot::new(AutopilotState::new(chosen.best().times, 0.0), options)
+    };
     let renderer = || base.with_settings(chosen.best().apply(settings));
-    let pilot = Pilot::new(autopilot().uniform(), &goal, renderer()?, chosen.best().times)?;
+    let pilot = Pilot::new(autopilot(false), &goal, renderer()?, chosen.best().times)?;
     let longest = time.as_secs_f64() / MIN_ITERATIONS;
     let problem = pilot.problem(1..=MAX_CAMERA_PATHS, longest);
 
@@ -150,7 +153,7 @@ fn candidates(
     add("best N_F for N_B = 1", single.light_paths, 1);
     add("scene file", settings.light_paths, settings.camera_paths);
 
-    let mut map = Pilot::new(autopilot(), &goal, renderer()?, chosen.best().times)?.counts;
+    let mut map = Pilot::new(autopilot(true), &goal, renderer()?, chosen.best().times)?.counts;
     let mut name = "per pixel";
     if let CameraCounts::Uniform(_) = map.camera_paths {
         let best = problem.shortest_per_pixel(NEAR_OPTIMUM);

@@ -1,6 +1,6 @@
 //! A small box rendered with automatic counts, the same on every machine.
 
-use bdpm::adaptive::autopilot::Autopilot;
+use bdpm::adaptive::autopilot::{Autopilot, AutopilotState, CountOptions};
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::stopping::Stop;
 use bdpm::load::load;
@@ -62,14 +62,14 @@ pub fn automatic(
     };
     let time = Some(Duration::from_secs(seconds));
     let goal = Stop { time, objective: Objective::Pooled, ..Stop::default() };
-    let mut pilot = Autopilot::new(times, 0.0).with_times(times);
+    let options = CountOptions { per_pixel: true, denoises: false, times: Some(times) };
+    let mut pilot = Autopilot::new(AutopilotState::new(times, 0.0), options);
     let mut renderer = Renderer::new(scene, accel, settings).unwrap();
     let mut elapsed = 0.0;
     while elapsed < seconds as f64 {
         let measure = pilot.prepare(&mut renderer, &goal, elapsed);
         renderer.iterate(measure);
-        let counts = &renderer.block().counts;
-        elapsed += times.iteration(f64::from(counts.light_paths), counts.camera_paths.mean());
+        elapsed += times.at(&renderer.block().counts);
     }
     renderer
 }

@@ -4,7 +4,7 @@
 use crate::common::Estimate;
 use crate::common::automatic::*;
 use bdpm::Stop;
-use bdpm::adaptive::count_policy::{CountPolicy, Replay};
+use bdpm::adaptive::count_policy::CountPolicy;
 use bdpm::adaptive::plan::Plan;
 use bdpm::film::counts::{CameraCounts, Counts};
 use bdpm::noise::Measure;
@@ -90,7 +90,7 @@ fn a_plan_replays_the_combined_image_bit_for_bit() {
     let plan = Plan::of_blocks(renderer.blocks(), &weights);
 
     let mut again = Renderer::new(&scene, &accel, settings).unwrap();
-    let mut replay = CountPolicy::Plan(Replay::new(plan.clone()));
+    let mut replay = CountPolicy::Plan(plan.clone());
     for _ in 0..plan.iterations().unwrap() {
         replay.prepare(&mut again, &Stop::default(), 0.0).unwrap();
         again.iterate(Measure::Off);

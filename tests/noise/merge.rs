@@ -2,7 +2,7 @@
 
 use crate::common::automatic::*;
 use bdpm::Stop;
-use bdpm::adaptive::count_policy::{CountPolicy, Replay};
+use bdpm::adaptive::count_policy::CountPolicy;
 use bdpm::adaptive::plan::{Plan, Rendered, Step};
 use bdpm::base::iteration_set::IterationSet;
 use bdpm::film::aov::AovSelection;
@@ -232,8 +232,7 @@ fn parts_of_a_plan_are_weighted_as_it_says_and_gaps_are_filled() {
         step(200, map, 14, 1.0),
         step(100, CameraCounts::Uniform(1), 17, 0.25),
     ];
-    let replay =
-        || (BatchGrain::Tile, CountPolicy::Plan(Replay::new(Plan { steps: steps.clone() })));
+    let replay = || (BatchGrain::Tile, CountPolicy::Plan(Plan { steps: steps.clone() }));
     let sharded = ShardedImage { iterations: 40, shards: 3 };
     let one = part(folder.path(), IterationSet::from(0..40), replay(), None);
     let one = Checkpoint::load(&one).unwrap();
@@ -256,7 +255,7 @@ fn parts_of_a_plan_are_weighted_as_it_says_and_gaps_are_filled() {
     let Checkpoint { blocks, shared, plan, .. } = lacking.checkpoint;
     renderer.resume(PartialRender::new(blocks.into_owned(), shared.into_owned())).unwrap();
     assert_eq!(renderer.config().aovs, ALL);
-    let mut policy = CountPolicy::Plan(Replay::new(plan.unwrap()));
+    let mut policy = CountPolicy::Plan(plan.unwrap());
     while renderer.iterations() < 40 {
         let measure = policy.prepare(&mut renderer, &Stop::default(), 0.0).unwrap();
         renderer.iterate(measure);

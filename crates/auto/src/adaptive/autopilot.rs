@@ -14,7 +14,7 @@ use bdpm_core::render::Renderer;
 use bdpm_core::render::block::{self, Block};
 use bdpm_core::render::max_blocks;
 use serde::{Deserialize, Serialize};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Before the first choice of counts, every second iteration is measured. The times of the
 /// iterations come from the others.
@@ -42,19 +42,21 @@ const PROMISE_SHARE: f64 = 1.0 / 3.0;
 /// Chooses the counts of a renderer while it renders.
 #[derive(Debug)]
 pub struct Autopilot {
-    options: CountOptions,
+    /// How counts are chosen.
+    pub options: CountOptions,
     /// Rendering time before this run.
     earlier: f64,
     state: AutopilotState,
-    /// Reason why the latest choice of counts failed, until it is reported.
-    failure: Option<Error>,
+    /// Reason why the latest choice of counts failed, until it is reported. The counts in force
+    /// were kept.
+    pub failure: Option<Error>,
 }
 
 /// State that an interrupted run needs to resume.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AutopilotState {
-    /// Rendering time when it was saved, seconds.
-    elapsed: f64,
+    /// Rendering time when it was saved, seconds, from the first iteration of the image.
+    pub elapsed: f64,
     /// Rendering time when the present block started.
     block_began: f64,
     /// Iterations of the present block and rendering time at its latest two marks.
@@ -66,8 +68,8 @@ pub struct AutopilotState {
     /// Times that the pilot measured on a sample of the pixels. They are proportional to those of
     /// the image.
     pilot_times: TimeModel,
-    /// Latest estimate of the squared relative bias of the image.
-    bias2: f64,
+    /// Squared relative bias of the image, as the pilot estimated it.
+    pub bias2: f64,
     /// The promise, once a few iterations after the first choice were rendered.
     promise: Option<Promise>,
 }
@@ -118,34 +120,12 @@ impl AutopilotState {
             promise: None,
         }
     }
-
-    /// Rendering time when the state was saved, seconds, from the first iteration of the image.
-    pub fn elapsed(&self) -> f64 {
-        self.elapsed
-    }
-
-    /// Squared relative bias of the image, as the pilot estimated it.
-    pub fn bias2(&self) -> f64 {
-        self.bias2
-    }
 }
 
 impl Autopilot {
     /// Starts with the counts of the renderer's settings, or resumes.
     pub fn new(state: AutopilotState, options: CountOptions) -> Self {
         Self { options, earlier: state.elapsed, state, failure: None }
-    }
-
-    /// Starts again with the counts of other settings.
-    #[must_use]
-    pub fn restarted(&self, state: AutopilotState) -> Self {
-        Self::new(state, self.options)
-    }
-
-    /// Takes the reason why the latest choice of counts failed, if it did. The counts in force were
-    /// kept.
-    pub fn take_failure(&mut self) -> Option<Error> {
-        self.failure.take()
     }
 
     /// A promise from all iterations so far; `None` before [`PROMISE_SHARE`] of the time. theory.md
@@ -187,7 +167,7 @@ impl Autopilot {
 
     /// Prepares the next iteration, after `elapsed` seconds of this run, and returns its
     /// measurement. If other counts are chosen and cannot be rendered, the counts in force are
-    /// kept: see [`Self::take_failure`].
+    /// kept: see [`Self::failure`].
     pub fn prepare(&mut self, renderer: &mut Renderer, stop: &Stop, elapsed: f64) -> Measure {
         let (now, entered) = (self.earlier + elapsed, Instant::now());
         self.mark(renderer.film().iterations, now);
@@ -217,8 +197,7 @@ impl Autopilot {
         // that its last one measures later.
         let is_last =
             is_large(renderer) && renderer.blocks().len() == max_blocks(renderer.settings());
-        let skipped = if is_last { 1 } else { 0 };
-        let iterations = renderer.film().iterations + skipped;
+        let iterations = renderer.film().iterations + u64::from(is_last);
         let measures = iterations.is_multiple_of(self.schedule(renderer).every);
         if measures { Measure::Pairs } else { Measure::Off }
     }
@@ -234,22 +213,20 @@ impl Autopilot {
         stop: &Stop,
         now: f64,
     ) -> bool {
-        let late = stop.time.map(|time| FIRST_CHOICE_SHARE * time.as_secs_f64());
-        let is_late = late.is_some_and(|late| now - self.earlier > late);
+        let (elapsed, iterations) = (now - self.earlier, renderer.film().iterations);
+        let is_after =
+            |share: f64| stop.time.is_some_and(|time| elapsed > share * time.as_secs_f64());
+        let is_late = is_after(FIRST_CHOICE_SHARE);
         let first = if is_late { FEWEST_FIRST_ITERATIONS } else { FIRST_ITERATIONS };
-        if renderer.film().iterations < first {
+        if iterations < first {
             return false;
         }
         let Some(next_choice) = self.state.next_choice else { return true };
-        let share_of_time = |time: Duration| (now - self.earlier) / time.as_secs_f64();
-        let is_third = stop.time.is_some_and(|time| share_of_time(time) >= PROMISE_SHARE);
-        if self.state.promise.is_none()
-            && (is_third || is_doubled(renderer.film().iterations, first))
-        {
-            self.state.promise = self.make_promise(renderer, stop, now - self.earlier);
+        let is_due = is_after(PROMISE_SHARE) || is_doubled(iterations, first);
+        if self.state.promise.is_none() && is_due {
+            self.state.promise = self.make_promise(renderer, stop, elapsed);
         }
-        let is_late = stop.time.is_some_and(|time| share_of_time(time) >= LAST_CHOICE_SHARE);
-        now >= next_choice && !is_late && self.state.promise.is_none()
+        now >= next_choice && !is_after(LAST_CHOICE_SHARE) && self.state.promise.is_none()
     }
 
     /// Keeps the times of the latest two marks.

@@ -17,7 +17,7 @@ pub enum CountPolicy {
     /// The counts of the settings for all iterations.
     Fixed(MeasureSchedule),
     /// The steps of a plan, one after the other; the last one has no end.
-    Plan(Replay),
+    Plan(Plan),
     /// The counts with the minimum error for the time, chosen during the render.
     Automatic(Box<Autopilot>),
 }
@@ -36,7 +36,7 @@ impl CountPolicy {
     ) -> Result<Measure> {
         match self {
             Self::Fixed(_) => {}
-            Self::Plan(replay) => replay.enter_step(renderer)?,
+            Self::Plan(plan) => enter_step(plan, renderer)?,
             Self::Automatic(autopilot) => return Ok(autopilot.prepare(renderer, stop, elapsed)),
         }
         Ok(self.schedule(renderer).measure(
@@ -50,7 +50,7 @@ impl CountPolicy {
     /// kept.
     pub fn take_failure(&mut self) -> Option<Error> {
         let Self::Automatic(autopilot) = self else { return None };
-        autopilot.take_failure()
+        autopilot.failure.take()
     }
 
     /// The iterations that are measured before the next decision.
@@ -64,7 +64,8 @@ impl CountPolicy {
 
     /// Iterations that the block with the first iteration `first` may have.
     pub fn range(&self, first: u64) -> Range<u64> {
-        self.replay().map_or(first..u64::MAX, |replay| replay.range(first))
+        let ranges = self.plan().map(Plan::ranges).unwrap_or_default();
+        ranges.into_iter().find(|range| range.start == first).unwrap_or(first..u64::MAX)
     }
 
     /// Weight of an iteration of each block, for this importance of the pixels.
@@ -90,7 +91,7 @@ impl CountPolicy {
 
     /// The plan that is rendered, if there is one.
     pub fn plan(&self) -> Option<&Plan> {
-        self.replay().map(|replay| &replay.plan)
+        if let Self::Plan(plan) = self { Some(plan) } else { None }
     }
 
     /// The promised error or time, once there is one.
@@ -101,43 +102,19 @@ impl CountPolicy {
     fn autopilot(&self) -> Option<&Autopilot> {
         if let Self::Automatic(autopilot) = self { Some(autopilot) } else { None }
     }
-
-    fn replay(&self) -> Option<&Replay> {
-        if let Self::Plan(replay) = self { Some(replay) } else { None }
-    }
 }
 
-/// Renders a plan step by step.
-#[derive(Clone, Debug)]
-pub struct Replay {
-    plan: Plan,
-    /// Iterations of each step.
-    ranges: Vec<Range<u64>>,
-}
-
-impl Replay {
-    /// Starts with the first step that has iterations to render.
-    pub fn new(plan: Plan) -> Self {
-        let ranges = plan.ranges();
-        Self { plan, ranges }
+/// Lets the renderer enter the block of the first step of a plan that has iterations to render.
+fn enter_step(plan: &Plan, renderer: &mut Renderer) -> Result<()> {
+    let ranges = plan.ranges();
+    let unfinished = ranges.iter().position(|range| has_remaining(range, renderer));
+    let step = unfinished.unwrap_or(ranges.len() - 1);
+    let (first, counts) = (ranges[step].start, &plan.steps[step].counts);
+    let block = renderer.block();
+    if block.first != first || block.counts != *counts {
+        renderer.enter_block(first, counts.clone())?;
     }
-
-    /// Lets the renderer enter the block of the first step that has iterations to render.
-    fn enter_step(&self, renderer: &mut Renderer) -> Result<()> {
-        let unfinished = self.ranges.iter().position(|range| has_remaining(range, renderer));
-        let step = unfinished.unwrap_or(self.ranges.len() - 1);
-        let (first, counts) = (self.ranges[step].start, &self.plan.steps[step].counts);
-        let block = renderer.block();
-        if block.first != first || block.counts != *counts {
-            renderer.enter_block(first, counts.clone())?;
-        }
-        Ok(())
-    }
-
-    fn range(&self, first: u64) -> Range<u64> {
-        let range = self.ranges.iter().find(|range| range.start == first);
-        range.cloned().unwrap_or(first..u64::MAX)
-    }
+    Ok(())
 }
 
 /// Returns true if the renderer has iterations of a step left to render.

@@ -53,18 +53,6 @@ impl ErrorInterval {
         Self::of_parts([noise.with(unseen), bias.with(UNSEEN_BIAS)])
     }
 
-    /// The interval of an image that may lack light that was never seen.
-    #[must_use]
-    pub fn open_above(self) -> Self {
-        Self { high: f64::INFINITY, ..self }
-    }
-
-    /// The interval of an error of which this is an upper bound.
-    #[must_use]
-    pub fn open_below(self) -> Self {
-        Self { low: 0.0, ..self }
-    }
-
     /// The interval for independent squared parts. The logarithm of their sum is taken to be
     /// normal, or the sum itself where it is hardly known: theory.md (93h).
     fn of_parts(parts: [SquaredPart; 2]) -> Self {

@@ -247,7 +247,7 @@ impl RenderJob {
             provenance,
             accel_name: accel.describe().name,
             build_time,
-            earlier: policy.state(0.0).map_or(0.0, |state| state.elapsed()),
+            earlier: policy.state(0.0).map_or(0.0, |state| state.elapsed),
             renderer,
             policy,
             stop,

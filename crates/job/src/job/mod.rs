@@ -46,7 +46,7 @@ use crate::output::checkpoint::{Checkpoint, ShardedImage};
 use crate::output::denoise::ErrorSummary;
 use audit::AuditPace;
 use bdpm_auto::adaptive::autopilot::{Autopilot, AutopilotState, CountOptions};
-use bdpm_auto::adaptive::count_policy::{CountPolicy, Replay};
+use bdpm_auto::adaptive::count_policy::CountPolicy;
 use bdpm_auto::adaptive::plan::Plan;
 use bdpm_auto::adaptive::stopping::{Stop, Target};
 use bdpm_auto::adaptive::technique::{End, FreeParameters, Selection};
@@ -390,14 +390,14 @@ impl RenderJob {
                 let mut checkpoint = *checkpoint;
                 self.audited = checkpoint.audit.take();
                 state = checkpoint.autopilot;
-                *stop = stop.with_pilot_bias2(state.map_or(0.0, |state| state.bias2()));
+                *stop = stop.with_pilot_bias2(state.map_or(0.0, |state| state.bias2));
                 renderer.resume(checkpoint.take_partial())?;
                 self.check_kept(renderer.config().aovs).map_err(|e| e.at(&file))?;
                 checkpoint.plan
             }
         };
         let state = match (plan, selection, state) {
-            (Some(plan), ..) => return Ok(CountPolicy::Plan(Replay::new(plan))),
+            (Some(plan), ..) => return Ok(CountPolicy::Plan(plan)),
             (None, Some(selection), _) => AutopilotState::new(selection.best().times, stop.bias2),
             (None, None, Some(state)) => state,
             (None, None, None) => return Ok(CountPolicy::Fixed(self.schedule)),

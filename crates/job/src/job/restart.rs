@@ -2,7 +2,7 @@
 
 use super::state::RenderState;
 use super::status::Status;
-use bdpm_auto::adaptive::autopilot::AutopilotState;
+use bdpm_auto::adaptive::autopilot::{Autopilot, AutopilotState};
 use bdpm_auto::adaptive::count_policy::CountPolicy;
 use bdpm_auto::adaptive::technique::Selection;
 use bdpm_core::base::error::Result;
@@ -25,7 +25,7 @@ impl RenderState {
         self.stop = self.stop.with_pilot_bias2(selection.best().bias.powi(2));
         if let CountPolicy::Automatic(autopilot) = &mut self.policy {
             let state = AutopilotState::new(selection.best().times, self.stop.bias2);
-            **autopilot = autopilot.restarted(state);
+            **autopilot = Autopilot::new(state, autopilot.options);
         }
         self.status = Status::default();
         self.latest = Mutex::default();

@@ -152,7 +152,8 @@ impl RenderState {
     /// beams.
     pub(super) fn open_if_unknown(&self, interval: Option<ErrorInterval>) -> Option<ErrorInterval> {
         let is_open = self.unseen_light().is_some() || self.narrow_beam().is_some();
-        if is_open { interval.map(ErrorInterval::open_above) } else { interval }
+        let high = |own: &ErrorInterval| if is_open { f64::INFINITY } else { own.high };
+        interval.map(|own| ErrorInterval { high: high(&own), ..own })
     }
 
     /// Interval for the error of the image so far; `None` while it is not known.

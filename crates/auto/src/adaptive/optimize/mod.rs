@@ -231,7 +231,7 @@ impl Problem {
     }
 
     fn criterion(&self) -> Criterion {
-        Criterion::least_cost(self.iteration_time)
+        Criterion { longest: self.iteration_time, highest_cost: None }
     }
 }
 
@@ -242,7 +242,6 @@ mod tests {
     #[test]
     fn short_time_budget_keeps_the_light_paths_that_camera_paths_need() {
         // One camera path per pixel takes a second; ten seconds fit no 64 iterations of that.
-        let coefficients = [Coefficients { a: 1.0, b: 1e-3, f: 1e-2 }; 9];
         let time = TimeModel {
             fixed: 0.01,
             light_path: 1e-5,
@@ -251,11 +250,12 @@ mod tests {
             merge_pair: 1e-9,
             pixels: 9.0,
         };
-        let problem = |iteration_time| {
+        let problem_of = |coefficients: Coefficients, iteration_time| {
             let (light_paths, camera_paths) = (2..=1 << 20, 1..=1 << 10);
             let bounds = CountLimits { light_paths, camera_paths, iteration_time };
-            Problem::new(&coefficients, &[1.0; 9], Objective::Pooled, time, &bounds)
+            Problem::new(&[coefficients; 9], &[1.0; 9], Objective::Pooled, time, &bounds)
         };
+        let problem = |time| problem_of(Coefficients { a: 1.0, b: 1e-3, f: 1e-2 }, time);
         let limit = 10.0 / 64.0;
         assert_eq!(problem(limit).uniform().light_paths, 2, "without a lowest limit");
         let least = problem(f64::INFINITY).least_sensible_time();
@@ -266,10 +266,7 @@ mod tests {
         assert!((f64::from(best.light_paths) / expected - 1.0).abs() < 1e-3, "{best:?} {expected}");
         assert!(best.cost < 1e-2 * problem(limit).uniform().cost);
         // Without noise of camera paths, light paths would take all time.
-        let coefficients = [Coefficients { a: 0.0, b: 0.0, f: 1.0 }; 9];
-        let (light_paths, camera_paths) = (2..=1 << 20, 1..=1 << 10);
-        let bounds = CountLimits { light_paths, camera_paths, iteration_time: f64::INFINITY };
-        let dark = Problem::new(&coefficients, &[1.0; 9], Objective::Pooled, time, &bounds);
+        let dark = problem_of(Coefficients { a: 0.0, b: 0.0, f: 1.0 }, f64::INFINITY);
         assert!((dark.least_sensible_time() / 2.02 - 1.0).abs() < 1e-3);
     }
 }

@@ -172,7 +172,7 @@ impl<'a> FixedLight<'a> {
         }
         let best = match self.objective {
             Objective::MaxRms => {
-                let criterion = self.criterion.without_cost_limit();
+                let criterion = Criterion { highest_cost: None, ..*self.criterion };
                 minimize([low, high], width, self.convex, |v| self.score_by(&criterion, v))
             }
             objective => {

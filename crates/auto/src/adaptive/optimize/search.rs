@@ -7,24 +7,15 @@ const EQUAL: f64 = 1e-13;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Criterion {
     /// Longest iteration, seconds.
-    longest: f64,
+    pub(super) longest: f64,
     /// Highest cost. With it the shortest iteration is sought, without it the least cost.
     pub(super) highest_cost: Option<f64>,
 }
 
 impl Criterion {
-    pub(super) fn least_cost(longest: f64) -> Self {
-        Self { longest, highest_cost: None }
-    }
-
     /// The shortest iteration whose cost exceeds `cost` by at most the fraction `slack`.
     pub(super) fn least_time(self, cost: f64, slack: f64) -> Self {
         Self { highest_cost: Some(cost * (1.0 + slack.max(0.0)) * (1.0 + 10.0 * EQUAL)), ..self }
-    }
-
-    /// The least cost of iterations within the same time limit.
-    pub(super) fn without_cost_limit(self) -> Self {
-        Self { highest_cost: None, ..self }
     }
 
     /// The iteration is short enough.

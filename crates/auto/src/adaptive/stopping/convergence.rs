@@ -224,7 +224,7 @@ impl Convergence {
         let interval = ErrorInterval::new(noise, bias, left < 1.0);
         // What differs between the pixels of a cell counts as noise of their paths.
         let is_bound = self.variance.is_none();
-        let interval = if is_bound { interval.open_below() } else { interval };
+        let interval = if is_bound { ErrorInterval { low: 0.0, ..interval } } else { interval };
         relative.is_finite().then_some(interval)
     }
 

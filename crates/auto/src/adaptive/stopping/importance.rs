@@ -77,46 +77,37 @@ pub fn luminances(image: &CombinedImage) -> Vec<f64> {
 /// Roots of the squared means minus their variances, since noise adds its variance to the square.
 /// If the variance exceeds `1 - MIN_PIXEL_SIGNAL_SHARE` of the square, the mean over the
 /// neighborhood is used. It hardly follows the noise of the pixel.
-pub fn without_noise(mean: &[f64], variance: &[f64], (width, height): (u32, u32)) -> Vec<f64> {
+pub fn without_noise(mean: &[f64], variance: &[f64], size: (u32, u32)) -> Vec<f64> {
     let signal = |(mean, variance): (&f64, &f64)| mean * mean - variance;
     let pixels = mean.par_iter().zip(variance);
-    let lit_once: Vec<bool> =
-        pixels.clone().map(|own| signal(own) < LIT_ONCE * own.0 * own.0).collect();
-    let around =
-        Around { mean, lit_once: &lit_once, size: [width, height].map(|own| own as usize) };
+    let is_lit_once = |own: (&f64, &f64)| signal(own) < LIT_ONCE * own.0 * own.0;
+    let of_lit = |own: (&f64, &f64)| if is_lit_once(own) { 0.0 } else { *own.0 };
+    let lit: Vec<f64> = pixels.clone().map(of_lit).collect();
     let clean = |(index, own): (usize, (&f64, &f64))| match signal(own) {
         signal if signal > MIN_PIXEL_SIGNAL_SHARE * own.0 * own.0 => signal.sqrt(),
-        _ => around.mean(index).max(0.0),
+        _ => mean_around([mean, &lit], size, index).max(0.0),
     };
     pixels.enumerate().map(clean).collect()
 }
 
-/// The neighborhoods of pixels.
-struct Around<'a> {
-    mean: &'a [f64],
-    lit_once: &'a [bool],
-    size: [usize; 2],
-}
-
-impl Around<'_> {
-    /// Mean over the pixels within [`AROUND_PIXEL`]. Those that were lit once are left out if more
-    /// than half of all were lit more often: else rare light may be all there is.
-    fn mean(&self, index: usize) -> f64 {
-        let [width, height] = self.size;
-        let around = |center: usize, end: usize| {
-            center.saturating_sub(AROUND_PIXEL)..(center + AROUND_PIXEL + 1).min(end)
-        };
-        let (columns, rows) = (around(index % width, width), around(index / width, height));
-        let count = (columns.len() * rows.len()) as f64;
-        let (mut sum, mut often, mut light) = (0.0, 0.0, 0.0);
-        for at in rows.flat_map(|row| columns.clone().map(move |column| row * width + column)) {
-            sum += self.mean[at];
-            if !self.lit_once[at] && self.mean[at] > 0.0 {
-                (often, light) = (often + 1.0, light + self.mean[at]);
-            }
+/// Mean over the pixels within [`AROUND_PIXEL`] of one. Those that were lit once, which `lit` leaves
+/// out, do not count if more than half of all were lit more often: else rare light may be all there
+/// is.
+fn mean_around([mean, lit]: [&[f64]; 2], size: (u32, u32), index: usize) -> f64 {
+    let [width, height] = [size.0, size.1].map(|side| side as usize);
+    let around = |center: usize, end: usize| {
+        center.saturating_sub(AROUND_PIXEL)..(center + AROUND_PIXEL + 1).min(end)
+    };
+    let (columns, rows) = (around(index % width, width), around(index / width, height));
+    let count = (columns.len() * rows.len()) as f64;
+    let (mut sum, mut often, mut light) = (0.0, 0.0, 0.0);
+    for at in rows.flat_map(|row| columns.clone().map(move |column| row * width + column)) {
+        sum += mean[at];
+        if lit[at] > 0.0 {
+            (often, light) = (often + 1.0, light + lit[at]);
         }
-        if often > 0.5 * count { light / often } else { sum / count }
     }
+    if often > 0.5 * count { light / often } else { sum / count }
 }
 
 /// Roots of the mean squares of cells minus their variances. The mean over the neighborhood is used

@@ -98,7 +98,7 @@ mod tests {
     use super::*;
     use crate::adaptive::technique::FreeParameters;
     use crate::adaptive::technique::candidate_cost::{Best, tests::demand};
-    use crate::adaptive::technique::model::{ImageScale, Model};
+    use crate::adaptive::technique::model::tests::of_trial;
     use crate::adaptive::technique::trial_runner::TrialRunner;
     use crate::test_scene::TestScene;
     use bdpm_core::noise::Coefficients;
@@ -113,10 +113,7 @@ mod tests {
             let own = Settings { strategy, ..scene.settings.clone() };
             let renderer = scene.renderer(&own);
             let mut runner = TrialRunner::new(&renderer, 0.0).unwrap();
-            let scale = ImageScale { width: own.width, footprint: runner.footprint };
-            let trial = runner.trial(&own, None, 0.0).unwrap();
-            let weights = vec![1.0; trial.noise.pixels.len()];
-            let model = Model::new(Technique::of(&own), &[trial], &weights, scale);
+            let (model, _) = of_trial(&mut runner, &own);
             let radii = [f64::from(own.radius); 2];
             let coefficients = Coefficients { a: 0.0, b, f: 0.0 };
             let best = model.evaluate(&coefficients, &model.time(radii), &demand, radii);

@@ -342,11 +342,21 @@ fn mean_times(trials: &[Trial]) -> TimeModel {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
     use crate::adaptive::technique::bias_law::TYPICAL_FALL;
     use crate::adaptive::technique::candidate_cost::tests::{MERGING, demand, times};
+    use crate::adaptive::technique::trial_runner::TrialRunner;
     use crate::adaptive::technique::{End, FreeParameters};
+    use bdpm_core::settings::Settings;
+
+    /// A model by one trial of some settings without time, and the scale of their image.
+    pub fn of_trial(runner: &mut TrialRunner, own: &Settings) -> (Model, ImageScale) {
+        let scale = ImageScale { width: own.width, footprint: runner.footprint };
+        let trial = runner.trial(own, None, 0.0).unwrap();
+        let weights = vec![1.0; trial.noise.pixels.len()];
+        (Model::new(Technique::of(own), &[trial], &weights, scale), scale)
+    }
 
     #[test]
     fn parts_of_both_classes_are_separated() {

@@ -244,6 +244,7 @@ mod tests {
     use super::*;
     use crate::adaptive::technique::FreeParameters;
     use crate::adaptive::technique::candidate_cost::tests::demand;
+    use crate::adaptive::technique::model::tests::of_trial;
     use crate::test_scene::TestScene;
     use bdpm_core::noise::Coefficients;
 
@@ -257,10 +258,7 @@ mod tests {
         let open = FreeParameters { strategy: true, ..FreeParameters::NONE };
         // So long that bias decides.
         let demand = CandidateCost { open, ..demand(End::Time(1e6)) };
-        let scale = ImageScale { width: own.width, footprint: runner.footprint };
-        let trial = runner.trial(&own, None, 0.0).unwrap();
-        let weights = vec![1.0; trial.noise.pixels.len()];
-        let model = Model::new(Technique::of(&own), &[trial], &weights, scale);
+        let (model, scale) = of_trial(&mut runner, &own);
         let finalist = |radius: f32| {
             let radii = [f64::from(radius); 2];
             let at = model.clone();
