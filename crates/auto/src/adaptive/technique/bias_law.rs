@@ -47,72 +47,50 @@ pub struct BiasLaw {
     pub falls_to: f64,
 }
 
-/// Prior of a squared relative bias, before anything is measured.
-#[derive(Clone, Copy, Debug)]
-pub struct BiasPrior {
-    square: f64,
-    /// Standard deviation of `square`.
-    spread: f64,
-    falls_to: f64,
-    /// Lower bound of any estimate.
-    minimum: f64,
-}
-
 /// Typical squared relative bias of a cache, where it is corrected: .5 % in rooms.
 const CACHE_BIAS: f64 = 0.005 * 0.005;
 
-impl BiasPrior {
-    /// Prior of photons of a class or, where there is one, of a cache in place of diffuse photons.
-    /// The radius is given in widths of what the image shows.
-    pub fn of(class: PhotonClass, technique: Technique, radius: f64) -> Self {
+impl BiasLaw {
+    /// Prior of photons of a class or, where there is one, of a cache in place of diffuse photons,
+    /// before anything is measured. The image shows the width `across`, scene units.
+    pub fn typical(class: PhotonClass, technique: Technique, radius: f64, across: f64) -> Self {
+        let share = radius / across;
         let (square, falls_to) = match class {
             // Cells hardly matter: light is averaged over the half space anyway.
             PhotonClass::Diffuse if technique.strategy.has_cache() => (CACHE_BIAS, TYPICAL_FALL),
-            PhotonClass::Diffuse => (TYPICAL_BIAS * radius.powi(3), TYPICAL_FALL),
+            PhotonClass::Diffuse => (TYPICAL_BIAS * share.powi(3), TYPICAL_FALL),
             PhotonClass::Caustic => {
                 let sharp = TYPICAL_SHARP_BIAS[usize::from(technique.direct == Direct::PhotonMap)];
-                (sharp * radius.powi(2), TYPICAL_SHARP_FALL)
+                (sharp * share.powi(2), TYPICAL_SHARP_FALL)
             }
         };
-        let (spread, minimum) = (PRIOR_SPREAD * square, MINIMUM_OF_PRIOR * square);
-        Self { square, spread, falls_to, minimum }
+        Self { radius, square, error: PRIOR_SPREAD * square, falls_to }
     }
 
-    /// What trials at other radii tell about this one, with a spread of at least their own size.
-    pub fn by_law(self, law: &BiasLaw, radius: f64) -> Self {
-        let [square, error] = law.at(radius);
-        Self { square, spread: error.max(PRIOR_SPREAD * square), falls_to: law.falls_to, ..self }
+    /// The law at another radius as a prior, with an error of at least its own size.
+    pub fn prior_at(&self, radius: f64) -> Self {
+        let [square, error] = self.at(radius);
+        Self { radius, square, error: error.max(PRIOR_SPREAD * square), falls_to: self.falls_to }
     }
-}
 
-impl BiasLaw {
-    /// Combines a trial at `radius` with the prior: theory.md (93d).
-    pub fn measured(trial: &Trial, radius: f64, weights: &[f64], prior: BiasPrior) -> Self {
+    /// Combines this prior with a trial: theory.md (93d).
+    pub fn measured(&self, trial: &Trial, weights: &[f64]) -> Self {
         let (Statistic { value, error, .. }, falls_to) = weighted_square(&trial.noise, weights);
-        Self::combined(radius, [value, error], falls_to, prior)
+        self.combined([value, error], falls_to, self)
     }
 
-    /// Combines a measured square and its standard error with the prior: theory.md (93d).
-    pub fn combined(
-        radius: f64,
-        [value, error]: [f64; 2],
-        falls_to: f64,
-        prior: BiasPrior,
-    ) -> Self {
-        let spread = prior.spread;
+    /// Combines this prior with a measured square and its standard error: theory.md (93d). The
+    /// `typical` law bounds the result from below.
+    pub fn combined(&self, [value, error]: [f64; 2], falls_to: f64, typical: &Self) -> Self {
+        let spread = self.error;
         let certainty = spread.powi(2) / (spread.powi(2) + error * error);
         let mixed = |measured: f64, prior: f64| certainty * measured + (1.0 - certainty) * prior;
         Self {
-            radius,
-            square: mixed(value, prior.square).max(prior.minimum),
+            radius: self.radius,
+            square: mixed(value, self.square).max(MINIMUM_OF_PRIOR * typical.square),
             error: error.min(spread),
-            falls_to: mixed(falls_to, prior.falls_to),
+            falls_to: mixed(falls_to, self.falls_to),
         }
-    }
-
-    /// The prior alone, where no trial has measured the bias of this class.
-    pub fn assumed(radius: f64, BiasPrior { square, spread, falls_to, .. }: BiasPrior) -> Self {
-        Self { radius, square, error: spread, falls_to }
     }
 
     /// The squared bias and its standard error at another radius: theory.md (93b).

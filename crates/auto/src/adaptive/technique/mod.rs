@@ -278,13 +278,8 @@ impl Technique {
 
     /// What it merges or looks up: photons of caustics, and diffuse photons or a cache.
     fn classes(self) -> ByClass<bool> {
-        let has_diffuse = self.strategy.shares_light() && !self.is_path_with_caustics();
-        [self.merges(), has_diffuse]
-    }
-
-    /// Whether photons of caustics are all that pixels share.
-    fn is_path_with_caustics(self) -> bool {
-        self.strategy.has_only_caustics() && !self.strategy.has_cache()
+        let only_caustics = self.strategy.has_only_caustics() && !self.strategy.has_cache();
+        [self.merges(), self.strategy.shares_light() && !only_caustics]
     }
 
     /// The largest radius of its merges, scene units; 0 without merges.

@@ -7,7 +7,7 @@
 //! own. `b` does not depend on the radii: theory.md (93a).
 
 use super::Technique;
-use super::bias_law::{BiasLaw, BiasPrior};
+use super::bias_law::BiasLaw;
 use super::candidate_cost::{Best, CandidateCost, ClassBias, RenderTime};
 use super::pair_time::PairTime;
 use super::start_up::{StartUp, StartUpLaw};
@@ -129,9 +129,8 @@ impl Model {
             // The last trial that measured the bias of this class, or the prior if none did.
             let trial = trials.iter().rfind(|trial| trial.nests == Some(class));
             let radius = trial.unwrap_or(&trials[0]).radii[class as usize];
-            let prior = BiasPrior::of(class, technique, radius / across);
-            let measured = trial.map(|trial| BiasLaw::measured(trial, radius, weights, prior));
-            let law = measured.unwrap_or_else(|| BiasLaw::assumed(radius, prior));
+            let prior = BiasLaw::typical(class, technique, radius, across);
+            let law = trial.map_or(prior, |trial| prior.measured(trial, weights));
             shares[class as usize].then_some(law)
         });
         let reached = |trial: &Trial| Some((technique.reach(trial.radii), trial.start_up?));
@@ -281,9 +280,9 @@ impl Model {
             // theory.md (71f): the annulus holds all of the bias but what is left at half the
             // radius.
             let measured = annulus_bias2[index].map(|own| (1.0 + left[index]).powi(2) * own);
-            let prior = BiasPrior::of(class, self.technique, radii[index] / scale.image_width());
-            let prior = prior.by_law(&assumed, radii[index]);
-            Some(BiasLaw::combined(radii[index], measured, assumed.falls_to, prior))
+            let (radius, across) = (radii[index], scale.image_width());
+            let typical = BiasLaw::typical(class, self.technique, radius, across);
+            Some(assumed.prior_at(radius).combined(measured, assumed.falls_to, &typical))
         });
         let reach = self.technique.reach(radii);
         Self {
