@@ -7,7 +7,7 @@ use super::trial::Trial;
 use crate::adaptive::count_choice::LEAST_SUFFIX_PATHS;
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
-use crate::timing::measure::{Phase, TimeSample};
+use crate::timing::measure::Recorder;
 use bdpm_core::base::error::Result;
 use bdpm_core::film::counts::Counts;
 use bdpm_core::noise::{Coefficients, Measure};
@@ -231,7 +231,8 @@ impl<'a> TrialRunner<'a> {
         seconds: f64,
     ) -> Result<TimeModel> {
         let elapsed = || begun.elapsed().as_secs_f64();
-        let mut samples = Vec::new();
+        let threads = rayon::current_num_threads();
+        let mut recorder = Recorder::new(threads);
         let share = 0.5 * (1.0 - TRIAL_MEASURING) * seconds;
         let mut per_light_path = 0.0;
         for _ in 0..2 {
@@ -242,20 +243,20 @@ impl<'a> TrialRunner<'a> {
                 || elapsed() < block_begun + share
                 || timed < TRIAL_TIMED && elapsed() < TRIAL_PATIENCE * seconds
             {
-                renderer.iterate(Measure::Off);
+                let times = renderer.iterate(Measure::Off).times;
+                recorder.add(light_paths.into(), TIMED_CAMERA_PATHS.into(), &times);
                 renderer.check_interrupt()?;
                 timed += 1;
             }
-            samples.extend(times(renderer));
             // As many more as fit in the time, within the ratios that separate the times.
-            let threads = rayon::current_num_threads() as f64;
-            let light = renderer.block().clock.times.light.as_secs_f64() / (timed as f64 * threads);
+            let light = renderer.block().clock.times.light.as_secs_f64();
+            let light = light / (timed as f64 * threads as f64);
             per_light_path = light / f64::from(light_paths);
             let fits = share / light;
             let ratio = (fits as u32).clamp(TIMED_RATIOS[0], TIMED_RATIOS[1]);
             light_paths = light_paths.saturating_mul(ratio).min(self.max_light_paths);
         }
-        let model = fit(&samples, pixels)?.model;
+        let model = fit(&recorder.samples(), pixels)?.model;
         // Two counts determine the fixed time badly: it is at most half of the measured time.
         let light_path = model.light_path.max(0.5 * per_light_path);
         Ok(TimeModel { light_path, ..model })
@@ -350,18 +351,6 @@ fn seconds_per_path(renderer: &Renderer, stride: u32) -> Result<f64> {
     probe.iterate(Measure::Pairs);
     probe.check_interrupt()?;
     Ok(start.elapsed().as_secs_f64() / paths)
-}
-
-/// Mean times of the current block, by phase.
-fn times(renderer: &Renderer) -> impl Iterator<Item = TimeSample> {
-    let block = renderer.block();
-    let (clock, threads) = (block.clock, rayon::current_num_threads());
-    let light_paths = f64::from(block.counts.light_paths);
-    let camera_paths = block.counts.camera_paths.mean();
-    Phase::ALL.into_iter().map(move |phase| {
-        let seconds = phase.time(&clock.times, threads).as_secs_f64() / clock.iterations as f64;
-        TimeSample { phase, light_paths, camera_paths, seconds, error: None }
-    })
 }
 
 #[cfg(test)]
