@@ -8,6 +8,7 @@ use super::objective::above_percentile;
 use super::search::{Criterion, Score, minimize};
 use super::{Objective, PerPixel, Problem};
 use crate::bisect::bisect;
+use bdpm_core::noise::Coefficients;
 use rayon::prelude::*;
 
 /// An even selection of at most this many pixels decides about the threshold and the number of
@@ -26,9 +27,6 @@ const FEW: usize = 256;
 
 /// Pixels that a thread takes at once.
 const CHUNK: usize = 512;
-
-/// First relative step by which the threshold rises to shorten an iteration that takes too long.
-const STEP_UP: f64 = 1e-3;
 
 impl Problem {
     /// The shortest iteration among counts whose cost exceeds the least by at most about the
@@ -91,10 +89,7 @@ struct FixedLight<'a> {
 impl<'a> FixedLight<'a> {
     fn new(problem: &Problem, criterion: &'a Criterion, n_light: f64) -> Self {
         // theory.md (82)
-        let pixel = |c: &bdpm_core::noise::Coefficients| Pixel {
-            rest: c.f / n_light,
-            scaled: c.b + c.a / n_light,
-        };
+        let pixel = |c: &Coefficients| Pixel { rest: c.f / n_light, scaled: c.b + c.a / n_light };
         let pixels: Vec<_> = problem.pixels.iter().map(pixel).collect();
         let [base, per_path] = problem.time_in_camera_paths(n_light);
         let bounds = problem.camera_paths.map(f64::from);
@@ -213,14 +208,8 @@ impl<'a> FixedLight<'a> {
             return counts;
         }
         let is_short_enough = |threshold| self.is_short_enough(&self.counts(threshold));
-        let (mut low, mut high, mut factor) = (threshold, threshold, 1.0 + STEP_UP);
-        while high < highest && !is_short_enough(high) {
-            low = high;
-            high = (high * factor).min(highest);
-            factor *= factor;
-        }
         let width = THRESHOLD_WIDTHS[usize::from(self.pixels.len() > FEW)];
-        self.counts(bisect([low, high], width, is_short_enough)[1])
+        self.counts(bisect([threshold, highest], width, is_short_enough)[1])
     }
 
     fn is_short_enough(&self, counts: &[u32]) -> bool {
@@ -330,7 +319,6 @@ mod tests {
     use crate::adaptive::optimize::CountLimits;
     use crate::timing::TimeModel;
     use bdpm_core::base::rng::{Stream, StreamKey};
-    use bdpm_core::noise::Coefficients;
 
     #[test]
     fn relaxed_cost_is_a_tight_lower_bound_of_whole_counts() {

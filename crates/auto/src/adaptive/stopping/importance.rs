@@ -90,9 +90,8 @@ pub fn without_noise(mean: &[f64], variance: &[f64], size: (u32, u32)) -> Vec<f6
     pixels.enumerate().map(clean).collect()
 }
 
-/// Mean over the pixels within [`AROUND_PIXEL`] of one. Those that were lit once, which `lit` leaves
-/// out, do not count if more than half of all were lit more often: else rare light may be all there
-/// is.
+/// Mean over the pixels within [`AROUND_PIXEL`]. Those that were lit once are 0 in `lit`, and left
+/// out if more than half of all were lit more often: else rare light may be all there is.
 fn mean_around([mean, lit]: [&[f64]; 2], size: (u32, u32), index: usize) -> f64 {
     let [width, height] = [size.0, size.1].map(|side| side as usize);
     let around = |center: usize, end: usize| {

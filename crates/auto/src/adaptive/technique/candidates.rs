@@ -53,6 +53,28 @@ impl SceneTraits {
             has_meters: scene.meters().is_some(),
         }
     }
+
+    /// Strategies that may be chosen, with their merge vertices.
+    fn strategies(&self) -> Vec<(Strategy, u32)> {
+        let Self { needs_photons, has_casters, may_weight, .. } = *self;
+        // Most light in media that scatter does not come from surfaces.
+        let may_cache = !self.media_scatter && !self.has_meters;
+        let of_caustics = may_weight && (needs_photons || has_casters);
+        let all = [
+            (Strategy::Single, 1, true),
+            (Strategy::Mis, 2, may_weight),
+            (Strategy::CutMis, 2, may_weight),
+            // Where several techniques are weighted, they have less noise; but a denoiser removes
+            // more of what is gathered by paths of single pixels.
+            (Strategy::Single, 2, self.is_denoised || !may_weight),
+            (Strategy::Path, 2, !needs_photons),
+            (Strategy::Gather, 2, !needs_photons && may_cache),
+            (Strategy::PathCaustics, 2, of_caustics),
+            (Strategy::GatherCaustics, 2, of_caustics && may_cache),
+        ];
+        let sensible = all.into_iter().filter(|(_, _, is_sensible)| *is_sensible);
+        sensible.map(|(strategy, merge_vertex, _)| (strategy, merge_vertex)).collect()
+    }
 }
 
 impl Technique {
@@ -64,56 +86,29 @@ impl Technique {
         traits: SceneTraits,
     ) -> Vec<Self> {
         let own = Self::of(settings);
-        let strategies = if open.strategy {
-            let mut all = vec![(Strategy::Single, 1)];
-            if traits.may_weight {
-                all.extend([(Strategy::Mis, 2), (Strategy::CutMis, 2)]);
-            }
-            // Where several techniques are weighted, they have less noise; but a denoiser removes
-            // more of what is gathered by paths of single pixels.
-            if traits.is_denoised || !traits.may_weight {
-                all.push((Strategy::Single, 2));
-            }
-            // Most light in media that scatter does not come from surfaces.
-            let may_cache = !traits.media_scatter && !traits.has_meters;
-            if !traits.needs_photons {
-                all.push((Strategy::Path, 2));
-                all.extend(may_cache.then_some((Strategy::Gather, 2)));
-            }
-            if traits.may_weight && (traits.needs_photons || traits.has_casters) {
-                all.push((Strategy::PathCaustics, 2));
-                all.extend(may_cache.then_some((Strategy::GatherCaustics, 2)));
-            }
-            all
-        } else {
-            vec![(own.strategy, own.merge_vertex)]
+        let strategies = match open.strategy {
+            true => traits.strategies(),
+            false => vec![(own.strategy, own.merge_vertex)],
         };
-        let directs = match open.direct {
-            true => vec![Direct::Connect, Direct::PhotonMap],
-            false => vec![own.direct],
-        };
+        let direct = if open.direct { Direct::Connect } else { own.direct };
+        let mut ways: Vec<_> = strategies.into_iter().map(|strategy| (strategy, direct)).collect();
         // Direct light from the photon map pays only where all light is merged at the first vertex.
-        let is_sensible = |(strategy, merge_vertex), direct| {
-            !open.direct
-                || direct == Direct::Connect
-                || (strategy, merge_vertex) == (Strategy::Single, 1)
-        };
+        let first = (Strategy::Single, 1);
+        if open.direct && ways.iter().any(|(strategy, _)| *strategy == first) {
+            ways.push((first, Direct::PhotonMap));
+        }
         let mut all = Vec::new();
-        for &direct in &directs {
-            for &(strategy, merge_vertex) in
-                strategies.iter().filter(|own| is_sensible(**own, direct))
-            {
-                let splitting = if open.splitting { 1 } else { own.splitting };
-                let plain = Self { strategy, merge_vertex, direct, splitting, ..own };
-                let of = |query| Self { medium_query: Some(query), ..plain };
-                match traits.media_scatter && strategy.has_photons() {
-                    false => all.push(plain),
-                    true if !open.medium_query => all.push(of(settings.medium_query)),
-                    true if traits.media_are_dense => {
-                        all.extend([MediumQuery::Points, MediumQuery::Beams].map(of));
-                    }
-                    true => all.push(of(MediumQuery::Beams)),
+        for ((strategy, merge_vertex), direct) in ways {
+            let splitting = if open.splitting { 1 } else { own.splitting };
+            let plain = Self { strategy, merge_vertex, direct, splitting, ..own };
+            let of = |query| Self { medium_query: Some(query), ..plain };
+            match traits.media_scatter && strategy.has_photons() {
+                false => all.push(plain),
+                true if !open.medium_query => all.push(of(settings.medium_query)),
+                true if traits.media_are_dense => {
+                    all.extend([MediumQuery::Points, MediumQuery::Beams].map(of));
                 }
+                true => all.push(of(MediumQuery::Beams)),
             }
         }
         // Weights do not know splitting.
