@@ -242,42 +242,63 @@ impl Racer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::adaptive::technique::FreeParameters;
     use crate::adaptive::technique::candidate_cost::tests::demand;
     use crate::adaptive::technique::model::tests::of_trial;
+    use crate::adaptive::technique::{FreeParameters, SPLITTING};
     use crate::test_scene::TestScene;
     use bdpm_core::noise::Coefficients;
 
-    /// Radii of the lanes of a race in `scenes/keyhole`, the best first: the same technique at
-    /// these radii.
-    fn raced(radii: [f32; 2]) -> Vec<f32> {
-        let scene = TestScene::new("keyhole", [64, 48]);
+    /// The lanes of a race of merging at vertex 1 at these radii in a scene, the best first.
+    fn raced(scene: &str, open: FreeParameters, radii: &[f32]) -> Vec<Finalist> {
+        let scene = TestScene::new(scene, [64, 48]);
         let own = Settings { merge_vertex: 1, ..scene.settings.clone() };
         let renderer = scene.renderer(&own);
         let mut runner = TrialRunner::new(&renderer, 0.0).unwrap();
-        let open = FreeParameters { strategy: true, ..FreeParameters::NONE };
         // So long that bias decides.
-        let demand = CandidateCost { open, ..demand(End::Time(1e6)) };
+        let demand = demand(End::Time(1e6));
+        let demand = CandidateCost { open, medium_scale: own.medium_scale, ..demand };
         let (model, scale) = of_trial(&mut runner, &own);
-        let finalist = |radius: f32| {
-            let radii = [f64::from(radius); 2];
+        let medium_query = open.medium_scale.then_some(own.medium_query);
+        let model = model.variant(Technique { medium_query, ..model.technique }, 1.0);
+        let finalist = |radius: &f32| {
+            let radii = [f64::from(*radius); 2];
             let at = model.clone();
             let coefficients = Coefficients { a: 1e4, b: 1.0, f: 1e4 };
             let best = at.evaluate(&coefficients, &at.time(radii), &demand, radii);
             Finalist { model: at, best, is_reserve: false, missed: 0.0 }
         };
-        let field = radii.map(finalist).into_iter().collect();
+        let field = radii.iter().map(finalist).collect();
         let track = Track { runner: &mut runner, settings: &own, demand, scale };
         let ranked = race(field, track, 0.0).unwrap();
         assert!(ranked[0].best.tried);
-        ranked.iter().map(|own| own.best.radii[0] as f32).collect()
+        ranked
     }
 
     /// Within .4 photons of the bright side of the wall are merged on its dark side.
     #[test]
     fn radii_that_leak_light_through_walls_lose() {
+        let open = FreeParameters { strategy: true, ..FreeParameters::NONE };
         for radii in [[0.05, 0.4], [0.4, 0.05]] {
-            assert_eq!(raced(radii), [0.05, 0.4]);
+            let ranked = raced("keyhole", open, &radii);
+            let radii: Vec<f32> = ranked.iter().map(|own| own.best.radii[0] as f32).collect();
+            assert_eq!(radii, [0.05, 0.4]);
         }
+    }
+
+    #[test]
+    fn paths_that_split_and_other_radii_in_media_join_once() {
+        let open = FreeParameters { splitting: true, medium_scale: true, ..FreeParameters::NONE };
+        let ranked = raced("smoke", open, &[0.03]);
+        let of = |own: &Finalist| (own.model.technique.splitting, own.best.medium_scale);
+        let mut all: Vec<(u32, f64)> = ranked.iter().map(of).collect();
+        // Lanes of the leader of the second part may join as well.
+        let own = TestScene::new("smoke", [64, 48]).settings.medium_scale;
+        for lane in [(1, 0.5 * own), (1, own), (1, 2.0 * own), (SPLITTING, own)] {
+            assert!(all.contains(&lane), "{all:?}");
+        }
+        let count = all.len();
+        all.sort_by(|one, other| one.partial_cmp(other).unwrap());
+        all.dedup();
+        assert_eq!(all.len(), count, "{all:?}");
     }
 }
