@@ -23,7 +23,14 @@ impl Objective {
     /// Weights of the variances of pixels of these luminances, W/(m^2 sr); their mean is 1.
     pub(crate) fn weights(self, luminance: &[f64]) -> Vec<f64> {
         match self {
-            Self::Relative => relative_weights(luminance),
+            Self::Relative => {
+                // theory.md, section 20 (`relative`)
+                let weights = luminance_weights(luminance);
+                let scale = luminance.len() as f64 / weights.iter().sum::<f64>();
+                // Neither 0/0 nor an infinite weight, as of a black image.
+                let is_valid = scale.is_finite() && scale > 0.0;
+                weights.iter().map(|own| if is_valid { own * scale } else { 1.0 }).collect()
+            }
             _ => vec![1.0; luminance.len()],
         }
     }
@@ -44,17 +51,6 @@ impl Objective {
     pub(super) fn is_convex(self, pixels: usize) -> bool {
         self != Self::MaxRms || above_percentile(pixels) == 0
     }
-}
-
-/// [`luminance_weights`] scaled to the mean 1; all 1 for a black image.
-// theory.md, section 20 (`relative`)
-fn relative_weights(luminance: &[f64]) -> Vec<f64> {
-    let count = luminance.len() as f64;
-    let weights = luminance_weights(luminance);
-    let scale = count / weights.iter().sum::<f64>();
-    // Neither 0/0 nor an infinite weight.
-    let valid = scale.is_finite() && scale > 0.0;
-    if valid { weights.iter().map(|w| w * scale).collect() } else { vec![1.0; luminance.len()] }
 }
 
 /// Number of the `count` values that lie above their 99.5th percentile.
@@ -85,11 +81,12 @@ mod tests {
 
     #[test]
     fn relative_weights_prefer_dark_pixels_and_accept_black_ones() {
-        let weights = relative_weights(&[0.0, 1.0, 2.0]);
+        let of = |luminance: &[f64]| Objective::Relative.weights(luminance);
+        let weights = of(&[0.0, 1.0, 2.0]);
         assert!((weights.iter().sum::<f64>() - 3.0).abs() < 1e-12);
         assert!((weights[0] / weights[1] - 101.0).abs() < 1e-9);
-        assert_eq!(relative_weights(&[0.0; 3]), [1.0; 3]);
-        assert!(relative_weights(&[]).is_empty());
+        assert_eq!(of(&[0.0; 3]), [1.0; 3]);
+        assert!(of(&[]).is_empty());
     }
 
     #[test]

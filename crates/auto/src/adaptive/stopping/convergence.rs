@@ -366,32 +366,25 @@ mod tests {
         let stop = Stop::default().with_pilot_bias2(1e-4);
         let now = convergence(100, 0.04, 0.0);
         assert_eq!(now.with_measured_bias(&stop).bias2, 1e-4);
-        let measured = |value, deviation| {
+        let measured = |stop: Stop, value, deviation| {
             let bias2 = Some(SquaredPart { value, deviation });
             Convergence { bias2, ..now.clone() }.with_measured_bias(&stop).bias2
         };
         // The deviation of the pilot is 4e-4.
-        assert!((measured(9e-4, 4e-4) - 5e-4).abs() < 1e-12);
-        assert!((measured(9e-4, 1e-9) - 9e-4).abs() < 1e-9);
-        assert_eq!(measured(-9e-4, 4e-4), 0.0);
+        assert!((measured(stop, 9e-4, 4e-4) - 5e-4).abs() < 1e-12);
+        assert!((measured(stop, 9e-4, 1e-9) - 9e-4).abs() < 1e-9);
+        assert_eq!(measured(stop, -9e-4, 4e-4), 0.0);
         // Its deviation does not grow from one estimate to the next.
-        let again = stop.with_pilot_bias2(0.0);
-        assert_eq!(
-            Convergence { bias2: Some(SquaredPart { value: 3e-4, deviation: 1.0 }), ..now.clone() }
-                .with_measured_bias(&again)
-                .bias2,
-            3e-4
-        );
+        assert_eq!(measured(stop.with_pilot_bias2(0.0), 3e-4, 1.0), 3e-4);
     }
 
     #[test]
     fn uncertain_variance_prolongs_the_forecast() {
         let target = Some(Target::Absolute(0.1));
         let stop = Stop { target, ..Stop::default() };
-        let certain = convergence(100, 0.04, 0.0).forecast(&stop, 4.0, 0.5, 50.0).unwrap();
-        let uncertain = convergence(100, 0.04, 0.004).forecast(&stop, 4.0, 0.5, 50.0).unwrap();
-        assert!(
-            uncertain.seconds > 1.05 * certain.seconds && uncertain.seconds < 1.2 * certain.seconds
-        );
+        let [certain, uncertain] = [0.0, 0.004].map(|error| {
+            convergence(100, 0.04, error).forecast(&stop, 4.0, 0.5, 50.0).unwrap().seconds
+        });
+        assert!((1.05..1.2).contains(&(uncertain / certain)), "{certain} {uncertain}");
     }
 }

@@ -90,11 +90,11 @@ pub fn race(mut field: Vec<Finalist>, mut track: Track, seconds: f64) -> Result<
         if number == PARTS {
             break;
         }
-        let joining = racers[..running.div_ceil(2)].iter();
-        let joining = joining.filter_map(|own| own.joining(&track.demand)).take(MOST_JOINING);
-        let joining = joining.chain(racers[0].variants(&track.demand));
         let is_new = |own: &Finalist| racers.iter().all(|other| !other.is_like(own));
-        let joining: Vec<Finalist> = joining.filter(is_new).collect();
+        let joining = racers[..running.div_ceil(2)].iter();
+        let joining = joining.filter_map(|own| own.joining(&track.demand)).filter(is_new);
+        let variants = racers[0].variants(&track.demand).into_iter().filter(is_new);
+        let joining: Vec<Finalist> = joining.take(MOST_JOINING).chain(variants).collect();
         let clear = CLEAR * racers[0].rank(&track.demand);
         let is_decided = racers.get(1).is_none_or(|own| own.rank(&track.demand) > clear);
         if joining.is_empty() && is_decided {
@@ -226,9 +226,10 @@ impl Racer {
 
     /// Whether the lane of a finalist would repeat this one.
     fn is_like(&self, Finalist { model, best, .. }: &Finalist) -> bool {
+        // Lanes measure at radii of single precision.
+        let place = |best: &Best| (best.radii.map(|radius| radius as f32), best.medium_scale);
         let own = &self.finalist;
-        (own.model.technique, own.best.radii, own.best.medium_scale)
-            == (model.technique, best.radii, best.medium_scale)
+        (own.model.technique, place(&own.best)) == (model.technique, place(best))
             && self.has_weights_of(best)
     }
 

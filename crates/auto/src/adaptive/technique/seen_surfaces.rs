@@ -44,26 +44,22 @@ pub fn footprint(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> f
     let [w, h] = [settings.width, settings.height].map(|pixels| pixels as f32);
     // Offset between the two rays, pixels. A whole pixel may span the whole view.
     const PART: f32 = 0.1;
-    let mut sides = Vec::new();
-    for row in 0..FOOTPRINTS {
-        for column in 0..FOOTPRINTS {
-            let [x, y] = [(column, w), (row, h)]
-                .map(|(i, pixels)| (i as f32 + 0.5) / FOOTPRINTS as f32 * pixels);
-            let (ray, weight) = scene.camera_ray(&view, x, y, [0.5; 2]);
-            let (next, _) = scene.camera_ray(&view, x + PART, y, [0.5; 2]);
-            let hit = accel.closest_hit(&ray);
-            if weight > 0.0 && !hit.is_miss() {
-                if scene.meters().is_some() {
-                    sides.push(METER_PIXEL * f64::from(hit.t));
-                    continue;
-                }
-                // Rays of an orthographic camera differ by their origins alone.
-                let offset = (next.origin - ray.origin).cross(ray.direction);
-                let across = offset + hit.t * next.direction.cross(ray.direction);
-                sides.push(f64::from(across.length() / PART));
-            }
-        }
-    }
+    let side = |index: u32| {
+        let [x, y] = [(index % FOOTPRINTS, w), (index / FOOTPRINTS, h)]
+            .map(|(i, pixels)| (i as f32 + 0.5) / FOOTPRINTS as f32 * pixels);
+        let (ray, weight) = scene.camera_ray(&view, x, y, [0.5; 2]);
+        let (next, _) = scene.camera_ray(&view, x + PART, y, [0.5; 2]);
+        let hit = accel.closest_hit(&ray);
+        // Rays of an orthographic camera differ by their origins alone.
+        let offset = (next.origin - ray.origin).cross(ray.direction);
+        let across = offset + hit.t * next.direction.cross(ray.direction);
+        let side = match scene.meters() {
+            Some(_) => METER_PIXEL * f64::from(hit.t),
+            None => f64::from(across.length() / PART),
+        };
+        (weight > 0.0 && !hit.is_miss()).then_some(side)
+    };
+    let mut sides: Vec<f64> = (0..FOOTPRINTS * FOOTPRINTS).filter_map(side).collect();
     sides.sort_by(f64::total_cmp);
     let side = sides.get(sides.len() / 2).copied().unwrap_or(1.0);
     side / PI.sqrt()
