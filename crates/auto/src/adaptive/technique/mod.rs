@@ -220,7 +220,7 @@ impl Technique {
 
     /// Describes the technique in words.
     pub fn describe(&self) -> String {
-        let how = match self.strategy {
+        let mut how = match self.strategy {
             Strategy::Mis => "merging at vertices 1 and 2 and path tracing, weighted".to_owned(),
             Strategy::CutMis => "merging at vertices 1 and 2 and connections, weighted".to_owned(),
             Strategy::Path => "path tracing without photons".to_owned(),
@@ -231,18 +231,16 @@ impl Technique {
                 format!("a cache of light at vertex {}, photons of caustics", self.merge_vertex)
             }
         };
-        let how = match self.direct {
-            Direct::Connect => how,
-            Direct::PhotonMap => how + ", direct light from the photon map",
-        };
-        let how = match self.kernel {
-            Kernel::Area => how,
-            Kernel::Disc => how + ", on discs",
-        };
-        match self.medium_query {
-            None => how,
-            Some(MediumQuery::Points) => how + ", in media around points",
-            Some(MediumQuery::Beams) => how + ", in media along segments",
+        if self.direct == Direct::PhotonMap {
+            how += ", direct light from the photon map";
+        }
+        if self.kernel == Kernel::Disc {
+            how += ", on discs";
+        }
+        how + match self.medium_query {
+            None => "",
+            Some(MediumQuery::Points) => ", in media around points",
+            Some(MediumQuery::Beams) => ", in media along segments",
         }
     }
 
