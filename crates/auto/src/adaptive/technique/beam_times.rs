@@ -6,19 +6,19 @@
 //! One iteration of a sample of the pixels with all light paths tells the time there, and the law
 //! of the root the time near it.
 
-use super::candidate_cost::{Best, CandidateCost, RenderTime};
+use super::candidate_cost::{Best, CandidateCost, InMedia, RenderTime};
 use super::model::Model;
 use super::pilot::Pilot;
 use super::trial_runner::TrialRunner;
 use super::{End, Technique};
 use crate::timing::TimeModel;
 use bdpm_core::base::error::Result;
-use bdpm_core::noise::Measure;
+use bdpm_core::noise::{Coefficients, Measure};
 use bdpm_core::settings::{MediumQuery, Settings};
 use std::time::Duration;
 
 /// Measurements at most: each is at the counts that the one before leads to.
-const MOST_TIMED: u32 = 3;
+pub const MOST_TIMED: u32 = 3;
 
 /// Factor on the number of light paths, or its reciprocal, within which the law is good enough.
 const SAME_COUNT: f64 = 1.5;
@@ -40,13 +40,30 @@ const FEW_ITERATIONS: f64 = 3.0;
 /// Time of an iteration of those images over that of its camera paths.
 const LONGEST_OVER_BASE: f64 = 4.0;
 
+/// Shares of the merges in media are powers of 1/2 down to this one.
+const MOST_HALVINGS: i32 = 6;
+
+/// Relative variance of camera paths that leaving out merges in media adds, times `1/p - 1` for the
+/// share `p` of them: as if half of the light came from media in all pixels.
+const LIGHT_OF_MEDIA: f64 = 0.25;
+
+/// The coefficients where a share of the merges in media is done, from those where another share
+/// is. Trials are too short to tell media from surfaces: all of `a` and `b` counts as that of
+/// media. theory.md (37o)
+fn coefficients_at(known: &Coefficients, from: f64, to: f64) -> Coefficients {
+    let added = |share: f64| LIGHT_OF_MEDIA * (share.recip() - 1.0);
+    let b = (known.b - added(from)).max(0.0) * from / to + added(to);
+    Coefficients { a: known.a * from / to, b, f: known.f }
+}
+
 impl Pilot<'_> {
-    /// The best counts of a technique that merges along segments, by the times that merging takes
-    /// there; those of `best` for others.
+    /// The best counts and share of the merges of a technique that merges along segments, by the
+    /// times that merging takes there, at most so many times; those of `best` for others.
     pub(super) fn with_beam_times(
         &mut self,
         (model, technique): (&Model, Technique),
         mut best: Best,
+        most_timed: u32,
     ) -> Result<Best> {
         if technique.medium_query != Some(MediumQuery::Beams) {
             return Ok(best);
@@ -55,27 +72,39 @@ impl Pilot<'_> {
             End::Time(time) => SHARE * time,
             End::Error(_) => SHARE * best.seconds,
         };
-        let demand = CandidateCost { medium_scale: best.medium_scale, ..self.demand };
         let (start_up, coefficients) = (model.time(best.radii).start_up, best.coefficients);
-        for _ in 0..MOST_TIMED {
-            let n_light =
-                best.light_paths().min(most / best.times().light_path).max(LEAST_LIGHT_PATHS);
-            let settings =
-                Settings { light_paths: n_light as u32, ..best.settings(self.settings, technique) };
+        let known_share = best.in_media.share;
+        for _ in 0..most_timed {
+            let demand = CandidateCost { in_media: best.in_media, ..self.demand };
+            let (n_light, share) = (best.light_paths(), best.in_media.share);
+            let timed = n_light.min(most / best.times().light_path).max(LEAST_LIGHT_PATHS);
+            let own = best.settings(self.settings, technique);
+            let settings = Settings { light_paths: timed as u32, ..own };
             let times = self.runner.beam_times(settings, &best.times())?;
-            let at = |light_paths: f64| {
-                let time = RenderTime { times: at_count(&times, n_light, light_paths), start_up };
-                let demand = CandidateCost { light_paths: Some(light_paths), ..demand };
+            let at = |other: f64, light_paths: f64| {
+                let times = at_count(&times, (timed, share), (light_paths, other));
+                let in_media = InMedia { share: other, ..demand.in_media };
+                let demand = CandidateCost { light_paths: Some(light_paths), in_media, ..demand };
+                let coefficients = coefficients_at(&coefficients, known_share, other);
+                let time = RenderTime { times, start_up };
                 model.evaluate(&coefficients, &time, &demand, best.radii)
             };
             let largest = f64::from(demand.max_light_paths) / LEAST_LIGHT_PATHS;
             let steps = (2.0 * largest.log2()).max(0.0) as i32;
-            let all =
-                (0..=steps).map(|step| at(LEAST_LIGHT_PATHS * 2f64.powf(0.5 * f64::from(step))));
+            let halvings = if demand.open.medium_share { MOST_HALVINGS } else { 0 };
+            let shares: Vec<f64> = match halvings {
+                0 => vec![share],
+                most => (0..=most).map(|halvings| 0.5f64.powi(halvings)).collect(),
+            };
+            let all = shares.iter().flat_map(|&share| {
+                (0..=steps)
+                    .map(move |step| (share, LEAST_LIGHT_PATHS * 2f64.powf(0.5 * f64::from(step))))
+            });
+            let all = all.map(|(share, light_paths)| at(share, light_paths));
             let rank = |own: &Best| own.rank(&demand) * too_long(&times, own, &demand);
             let next = all.min_by(|one, other| rank(one).total_cmp(&rank(other)));
             let next = Best { tried: best.tried, ..next.expect("there is a step") };
-            let ratio = next.light_paths() / n_light;
+            let ratio = next.light_paths() / timed;
             best = next;
             if (SAME_COUNT.recip()..SAME_COUNT).contains(&ratio) {
                 break;
@@ -85,10 +114,11 @@ impl Pilot<'_> {
     }
 }
 
-/// Times at a number of light paths, from those at another one: the time of merging a camera path
-/// grows as the root of the number.
-fn at_count(times: &TimeModel, known: f64, light_paths: f64) -> TimeModel {
-    TimeModel { merge_pair: times.merge_pair * (known / light_paths).sqrt(), ..*times }
+/// Times at a number of light paths and a share of the merges, from those `known` at another pair:
+/// the time of a merge grows as the root of the number of light paths.
+fn at_count(times: &TimeModel, known: (f64, f64), (light_paths, share): (f64, f64)) -> TimeModel {
+    let merge_pair = times.merge_pair * (known.0 / light_paths).sqrt() * share / known.1;
+    TimeModel { merge_pair, ..*times }
 }
 
 /// Factor on the rank of counts of which too few iterations fit in the time. The law of the root
@@ -129,17 +159,26 @@ mod tests {
     use super::*;
     use crate::adaptive::technique::candidate_cost::ClassBias;
     use crate::adaptive::technique::candidate_cost::tests::{demand, time, times};
-    use bdpm_core::noise::Coefficients;
     use bdpm_core::transport::kernel::ByClass;
 
     #[test]
     fn four_times_the_light_paths_take_twice_the_time_of_merging() {
-        let merging = |light_paths: f64| {
-            let times = TimeModel { look_up: 0.0, ..at_count(&times(), 1000.0, light_paths) };
-            times.parts(light_paths, 1.0)[3]
+        let merging = |light_paths: f64, share: f64| {
+            let times = at_count(&times(), (1000.0, 1.0), (light_paths, share));
+            TimeModel { look_up: 0.0, ..times }.parts(light_paths, 1.0)[3]
         };
-        assert!((merging(4000.0) / merging(1000.0) - 2.0).abs() < 1e-9);
-        assert!((merging(1000.0) / (times().merge_pair * 1e4 * 1000.0) - 1.0).abs() < 1e-9);
+        assert!((merging(4000.0, 1.0) / merging(1000.0, 1.0) - 2.0).abs() < 1e-9);
+        assert!((merging(4000.0, 0.5) / merging(1000.0, 1.0) - 1.0).abs() < 1e-9);
+        assert!((merging(1000.0, 1.0) / (times().merge_pair * 1e4 * 1000.0) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn merges_that_are_left_out_add_noise_of_camera_paths() {
+        let all = Coefficients { a: 6.0, b: 1.0, f: 2.0 };
+        let quarter = coefficients_at(&all, 1.0, 0.25);
+        assert_eq!(quarter, Coefficients { a: 24.0, b: 4.75, f: 2.0 });
+        assert_eq!(coefficients_at(&quarter, 0.25, 1.0), all);
+        assert_eq!(coefficients_at(&all, 1.0, 1.0), all);
     }
 
     /// Camera paths of an iteration of these times take 5.1 ms.

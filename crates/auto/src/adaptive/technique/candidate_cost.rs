@@ -58,10 +58,19 @@ pub struct CandidateCost {
     pub corrects_bias: bool,
     /// Merge radii of the settings, scene units.
     pub requested: ByClass<f32>,
-    /// Merge radii in media over those at surfaces, of the settings.
-    pub medium_scale: f64,
+    /// Merges in media of the settings.
+    pub in_media: InMedia,
     /// The image is denoised: what counts is the noise that is left.
     pub denoises: bool,
+}
+
+/// Merges in media.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InMedia {
+    /// Merge radii over those at surfaces.
+    pub scale: f64,
+    /// Share of the merges that are done.
+    pub share: f64,
 }
 
 /// Merge bias of a class of photons at one radius, and the noise that correcting it would add.
@@ -91,8 +100,8 @@ pub struct RenderTime {
 pub struct Best {
     /// Merge radii, scene units.
     pub radii: ByClass<f64>,
-    /// Merge radii in media over those at surfaces.
-    pub medium_scale: f64,
+    /// Merges in media.
+    pub in_media: InMedia,
     pub(super) light_paths: f64,
     pub(super) camera_paths: u32,
     /// Iterations after all areas around gather points are known.
@@ -162,7 +171,7 @@ impl CandidateCost {
                 self.time_and_error(tau, variance, start_up, error_at);
             let own = Best {
                 radii,
-                medium_scale: self.medium_scale,
+                in_media: self.in_media,
                 light_paths,
                 camera_paths,
                 iterations,
@@ -319,12 +328,13 @@ impl Best {
     pub fn scored(&self, technique: Technique) -> Candidate {
         let Self { radii, camera_paths, seconds, noise2, bias2, bias2_error, times, tried, .. } =
             *self;
-        let medium_scale = self.medium_scale;
+        let InMedia { scale: medium_scale, share: medium_share } = self.in_media;
         Candidate {
             technique,
             radius: radii[LAST] as f32,
             caustic_radius: radii[EVERY] as f32,
             medium_scale,
+            medium_share,
             light_paths: self.light_paths.round() as u32,
             camera_paths,
             seconds,
@@ -382,7 +392,7 @@ pub mod tests {
             open: FreeParameters::ALL,
             corrects_bias: false,
             requested: [1.0; 2],
-            medium_scale: 2.0,
+            in_media: InMedia { scale: 2.0, share: 1.0 },
             denoises: false,
         }
     }

@@ -4,8 +4,9 @@
 //! and time depend on the scale. In the second only merges in media have nested radii, which
 //! measures their bias alone. theory.md (93j)
 
+use super::beam_times::MOST_TIMED;
 use super::bias_law::{BiasLaw, BiasPrior};
-use super::candidate_cost::{Best, CandidateCost, ClassBias, RenderTime};
+use super::candidate_cost::{Best, CandidateCost, ClassBias, InMedia, RenderTime};
 use super::model::{ImageScale, Model};
 use super::pilot::{Finalist, Pilot};
 use super::trial::Trial;
@@ -86,7 +87,7 @@ impl ScaleModel {
         weights: &[f64],
         image: ImageScale,
     ) -> Self {
-        let scales = TRIED.map(|factor| factor * best.medium_scale);
+        let scales = TRIED.map(|factor| factor * best.in_media.scale);
         let exponent = match model.technique.medium_query {
             Some(MediumQuery::Points) => 3,
             _ => 2,
@@ -108,7 +109,7 @@ impl ScaleModel {
             times: best.times(),
             reach,
             merged: model.merged(best.radii),
-            own_scale: best.medium_scale,
+            own_scale: best.in_media.scale,
         }
     }
 
@@ -166,18 +167,19 @@ impl Pilot<'_> {
             let start_up = model.time(best.radii).start_up;
             let time = RenderTime { times: scales.times(scale), start_up };
             let merged = scales.merged(scale);
-            let demand = CandidateCost { medium_scale: scale, ..self.demand };
+            let in_media = InMedia { scale, ..best.in_media };
+            let demand = CandidateCost { in_media, ..self.demand };
             let own = model.seen(best.radii);
             let mut own = demand.evaluate_image(own, &coefficients, &time, &merged, best.radii);
             own.tried = best.tried;
             own
         };
         let rank = |own: &Best| own.rank(&self.demand);
-        let own = at(best.medium_scale);
-        let all = STEPS.map(|step| at(scale_at(best.medium_scale, step)));
+        let own = at(best.in_media.scale);
+        let all = STEPS.map(|step| at(scale_at(best.in_media.scale, step)));
         let other = all.min_by(|one, other| rank(one).total_cmp(&rank(other)));
         if let Some(other) = other.filter(|other| rank(other) < WORTHWHILE * rank(&own)) {
-            *best = self.with_beam_times((model, model.technique), other)?;
+            *best = self.with_beam_times((model, model.technique), other, MOST_TIMED)?;
         }
         Ok(())
     }

@@ -94,6 +94,8 @@ pub struct FreeParameters {
     pub medium_query: bool,
     /// The radii in media.
     pub medium_scale: bool,
+    /// The share of the merges in media that are done.
+    pub medium_share: bool,
     /// Where light paths start.
     pub guide: bool,
     /// The size of the sets of light paths that start from Sobol points.
@@ -119,6 +121,7 @@ impl FreeParameters {
             caustic_radius: open,
             medium_query: open,
             medium_scale: open,
+            medium_share: open,
             guide: open,
             sobol_set: open,
             splitting: open,
@@ -129,7 +132,7 @@ impl FreeParameters {
     /// Whether the pilot may choose more than the counts.
     pub fn any(&self) -> bool {
         let Self { strategy, direct, radius, caustic_radius, guide, .. } = *self;
-        let in_media = self.medium_query || self.medium_scale;
+        let in_media = self.medium_query || self.medium_scale || self.medium_share;
         strategy || direct || radius || caustic_radius || guide || in_media
     }
 
@@ -142,6 +145,7 @@ impl FreeParameters {
             "caustic_radius" => self.caustic_radius,
             "medium_query" => self.medium_query,
             "medium_scale" => self.medium_scale,
+            "medium_share" => self.medium_share,
             "guide" => self.guide,
             "sobol_set" => self.sobol_set,
             "splitting" => self.splitting,
@@ -169,6 +173,8 @@ pub struct Candidate {
     pub caustic_radius: f32,
     /// Merge radii in media over those at surfaces.
     pub medium_scale: f64,
+    /// Share of the merges in media that are done.
+    pub medium_share: f64,
     /// Light paths of an iteration, `N_F`.
     pub light_paths: u32,
     /// Camera paths per pixel of an iteration, `N_B`.
@@ -340,11 +346,12 @@ impl Candidate {
     /// Settings that render this candidate.
     pub fn apply(&self, settings: &Settings) -> Settings {
         let Self { technique, radius, caustic_radius, light_paths, camera_paths, .. } = *self;
-        let medium_scale = self.medium_scale;
+        let Self { medium_scale, medium_share, .. } = *self;
         let mut radii = [radius; 2];
         radii[PhotonClass::Caustic as usize] = caustic_radius;
         let own = technique.with(settings, radii);
-        Settings { light_paths, camera_paths, medium_scale, mis_scales: None, ..own }
+        let mis_scales = None;
+        Settings { light_paths, camera_paths, medium_scale, medium_share, mis_scales, ..own }
     }
 }
 

@@ -2,7 +2,8 @@
 //! large radii, and lets the best race at their best radii.
 
 use super::alternatives::Alternatives;
-use super::candidate_cost::{Best, CandidateCost};
+use super::beam_times::MOST_TIMED;
+use super::candidate_cost::{Best, CandidateCost, InMedia};
 use super::candidates::SceneTraits;
 use super::compared_trials::disagrees;
 use super::model::{ENOUGH_FOUND, ImageScale, LARGEST_SCALE, Model};
@@ -75,7 +76,7 @@ pub fn run(
         open,
         corrects_bias: settings.bias == Bias::Reduce,
         requested: [settings.caustic_radius, settings.radius],
-        medium_scale: settings.medium_scale,
+        in_media: InMedia { scale: settings.medium_scale, share: settings.medium_share },
         denoises,
     };
     let mut runner = TrialRunner::new(renderer, each)?;
@@ -278,7 +279,10 @@ impl Pilot<'_> {
             let missed = missed_share(tried.trials[0].luminance(), self.least_luminance);
             Finalist { model, best, is_reserve: tried.is_reserve, missed }
         };
-        let field: Vec<Finalist> = self.tried.iter().map(finalist).collect();
+        let mut field: Vec<Finalist> = self.tried.iter().map(finalist).collect();
+        for Finalist { model, best, .. } in &mut field {
+            *best = self.with_beam_times((model, model.technique), *best, 1)?;
+        }
         let track = Track {
             settings: self.settings,
             demand: self.demand,
@@ -287,7 +291,8 @@ impl Pilot<'_> {
         };
         let mut finalists = race(field, track, racing)?;
         let first = &mut finalists[0];
-        first.best = self.with_beam_times((&first.model, first.model.technique), first.best)?;
+        first.best =
+            self.with_beam_times((&first.model, first.model.technique), first.best, MOST_TIMED)?;
         self.try_splitting(first, &weights, last)?;
         self.try_medium_scales(first, &weights, last)?;
         Ok(finalists)
@@ -327,7 +332,7 @@ impl Pilot<'_> {
         // Paths that split take at least as long: this trial alone measures its times badly.
         trial.times = trial.times.at_least(&best.times());
         let split = model.tried_at(&trial, weights, &self.demand);
-        let split = self.with_beam_times((model, technique), split)?;
+        let split = self.with_beam_times((model, technique), split, MOST_TIMED)?;
         if split.rank(&self.demand) < best.rank(&self.demand) {
             (*best, model.technique) = (split, technique);
         }

@@ -226,8 +226,7 @@ impl Racer {
         };
         let coefficients = image.coefficients + missed;
         let time = model.time(image.radii);
-        let medium_scale = self.finalist.best.medium_scale;
-        let demand = CandidateCost { medium_scale, ..track.demand };
+        let demand = CandidateCost { in_media: self.finalist.best.in_media, ..track.demand };
         let best = model.evaluate(&coefficients, &time, &demand, image.radii);
         // Light that leaks through walls is bias, whatever the annulus shows.
         let leaked = (luminance / most - 1.0 - BIAS_TOLERANCE).max(0.0);
