@@ -39,6 +39,7 @@ fn pass<'a>(
         points: None,
         directions: None,
         cache,
+        light_edges: None,
     }
 }
 

@@ -125,6 +125,7 @@ fn camera_pass<'a>(
         points: None,
         directions: None,
         cache: None,
+        light_edges: None,
     }
 }
 

@@ -43,6 +43,7 @@ impl<'a> Squares<'a> {
             points: None,
             directions: None,
             cache: None,
+            light_edges: None,
         };
         let side = (together as u32 / camera_paths).isqrt();
         let (columns, rows) = (width / side, height / side);

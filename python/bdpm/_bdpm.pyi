@@ -49,6 +49,7 @@ class Settings(TypedDict, total=False):
     radius: float | str
     caustic_radius: float | str
     medium_scale: float
+    medium_share: float
     medium_query: Literal["points", "beams"]
     wavelength_width: float
     bias: Literal["keep", "reduce"]

@@ -76,7 +76,8 @@ def render(
     - `resolution`: (width, height), pixels. `crop`: (left, top, width, height), pixels.
     - `light_paths`: per iteration. `camera_paths`: per pixel and iteration.
     - `radius`, `caustic_radius`: scene units, or text such as "0.5%" of the scene size.
-    - `medium_scale`, `medium_query`, `wavelength_width`: merging in media and of wavelengths.
+    - `medium_scale`, `medium_share`, `medium_query`, `wavelength_width`: merging in media and of
+      wavelengths.
     - `bias`: "keep" or "reduce". `kernel`: "area" or "disc". `merge_vertex`: 1 or more.
     - `strategy`: "single", "mis", "cut-mis", "path", "path-caustics", "gather" or
       "gather-caustics". `direct`: "connect" or "photon-map".

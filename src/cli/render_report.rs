@@ -417,6 +417,9 @@ fn technique(chosen: &Selection) -> String {
         text += &format!(", radius {:.4}, {:.4} for caustics", best.radius, best.caustic_radius);
         if best.technique.medium_query.is_some() {
             text += &format!(", {:.2} times as much in media", best.medium_scale);
+            if best.medium_share < 1.0 {
+                text += &format!(", of whose merges a share of {:.3} is done", best.medium_share);
+            }
         }
         if let Some(guided) = chosen.used_guide() {
             text += &format!("; {}", guided.describe());

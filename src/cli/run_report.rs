@@ -51,6 +51,11 @@ pub struct Seconds {
     pub camera: f64,
     pub merge: f64,
     pub render: f64,
+    /// Choices of path counts, the audit, estimates of noise and bias, and denoising.
+    pub choices: f64,
+    pub audit: f64,
+    pub estimates: f64,
+    pub denoising: f64,
     pub write: f64,
     /// Times until the other processes were done, and until their sums were added.
     pub waiting: f64,
@@ -76,7 +81,7 @@ impl<'a> RunReport<'a> {
         let provenance = &state.provenance;
         let threads = input.threads.current_num_threads();
         let busy = |time: Duration| time.as_secs_f64() / threads as f64;
-        let image = state.image();
+        let (image, spent) = (state.image(), state.spent());
         Self {
             version: &provenance.version,
             scene: &provenance.scene,
@@ -98,6 +103,10 @@ impl<'a> RunReport<'a> {
                 camera: busy(times.camera),
                 merge: busy(times.merge),
                 render: times.wall.as_secs_f64(),
+                choices: spent.choices.as_secs_f64(),
+                audit: spent.audit.as_secs_f64(),
+                estimates: spent.estimates.as_secs_f64(),
+                denoising: spent.denoising.as_secs_f64(),
                 write: write_time.as_secs_f64(),
                 waiting: state.exchanged.waiting.as_secs_f64(),
                 adding: state.exchanged.adding.as_secs_f64(),

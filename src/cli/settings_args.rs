@@ -47,6 +47,9 @@ options! {
     /// Merge photons in media within F times the radii at surfaces [default: 2]
     #[arg(long, value_name = "F")]
     medium_scale: f64,
+    /// Do a share F of the merges in media, each with 1/F of its weight [default: 1]
+    #[arg(long, value_name = "F")]
+    medium_share: f64,
     /// Merge photons in media around points, or along segments of camera paths [default: beams]
     #[arg(long, value_parser = word::<MediumQuery>(MEDIUM_QUERY))]
     medium_query: MediumQuery,

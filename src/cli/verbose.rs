@@ -134,8 +134,9 @@ pub fn new_counts(state: &RenderState) -> String {
 
 /// Lines at the end of a render: times of the phases, and the gain of the chosen path counts.
 pub fn at_end(report: &RenderReport) -> Vec<String> {
-    let Seconds { total, load, build, pilot, light, camera, merge, render, write, .. } =
+    let Seconds { total, load, build, pilot, light, camera, merge, render, .. } =
         report.run.seconds;
+    let Seconds { choices, audit, estimates, denoising, write, .. } = report.run.seconds;
     let all = [
         ("reading", load),
         ("building", build),
@@ -145,6 +146,10 @@ pub fn at_end(report: &RenderReport) -> Vec<String> {
         ("light paths", light),
         ("camera paths", camera),
         ("merging", merge),
+        ("choice of counts", choices),
+        ("audit", audit),
+        ("estimates", estimates),
+        ("denoising", denoising),
         ("writing", write),
     ];
     let all = all.map(|(name, seconds)| format!("{name} {seconds:.3}s"));
@@ -191,6 +196,7 @@ mod tests {
             radius: 0.1,
             caustic_radius: 0.1,
             medium_scale: 4.0,
+            medium_share: 1.0,
             light_paths: 1000,
             camera_paths: 1,
             seconds: 10.0,

@@ -164,6 +164,7 @@ pub fn settings(width: u32, height: u32) -> Settings {
         radius: 0.1,
         caustic_radius: 0.1,
         medium_scale: 4.0,
+        medium_share: 1.0,
         medium_query: MediumQuery::Points,
         wavelength_width: 0.06,
         bias: Bias::Keep,

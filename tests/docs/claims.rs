@@ -49,14 +49,14 @@ fn chosen(help: &str) -> Vec<String> {
 /// Path counts are chosen as well: giving one of them turns all choices off.
 #[test]
 fn settings_that_the_pilot_chooses_are_documented() {
-    let page = Page::read("docs/explanation/automatic.md").text;
+    let page = Page::read("docs/explanation/automatic/technique.md").text;
     let list = page.split("**Your settings.**").nth(1).expect("a paragraph");
     let list = list.split("\n\n").next().unwrap();
     let chosen = chosen(&help("render"));
     assert!(chosen.len() > 10, "there are too few chosen options: {chosen:?}");
     for option in chosen.iter().filter(|option| !option.ends_with("-paths")) {
         let is_listed = list.contains(&format!("`{option}`"));
-        assert!(is_listed, "docs/explanation/automatic.md: {option} is missing");
+        assert!(is_listed, "docs/explanation/automatic/technique.md: {option} is missing");
     }
 }
 

@@ -266,6 +266,7 @@ fn values_out_of_range_are_refused() {
         ("radius = 0", "the merge radius is 0", "0.8%"),
         ("radius = \"big\"", "`big` is not a length", "0.8%"),
         ("merge_vertex = 0", "merge vertex 0", "1 to 255"),
+        ("medium_share = 0", "0 of the merges in media are done", "such as 0.1"),
         ("medium_scale = 0", "the radii in media are 0 times", "such as 2"),
         ("wavelength_width = 2", "wavelengths merge within 2 of the spectrum", "such as 0.06"),
         ("guide = 5000", "5000 iterations to learn a guide", "such as 32"),

@@ -87,6 +87,7 @@ fn cornell_box_has_the_dimensions_of_the_paper() {
         radius: Some(Length::Units(4.633_333)),
         caustic_radius: None,
         medium_scale: None,
+        medium_share: None,
         medium_query: None,
         wavelength_width: None,
         bias: None,

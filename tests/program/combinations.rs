@@ -27,6 +27,7 @@ const OPTIONS: &[&str] = &[
     "--light-visibility 100",
     "--direction-guide 100",
     "--medium-scale 3",
+    "--medium-share 0.5",
     "--medium-query points",
     "--wavelength-width 0.1",
     "--iterations 4",

@@ -131,6 +131,7 @@ fn integrating_sphere_bounce_by_bounce_from_the_camera() {
             points: None,
             directions: None,
             cache: None,
+            light_edges: None,
         };
         let mut paths = CameraPaths::default();
         let id = |i: u32| CameraPathId { x: i % 64, y: i / 64, index: 0 };

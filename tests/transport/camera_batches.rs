@@ -37,6 +37,7 @@ fn batches_merged_together_equal_one_batch() {
             points: None,
             directions: None,
             cache: None,
+            light_edges: None,
         };
         let ids: Vec<CameraPathId> = (0..SIDE * SIDE)
             .map(|pixel| CameraPathId { x: pixel % SIDE, y: pixel / SIDE, index: 3 })

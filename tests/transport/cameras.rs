@@ -204,6 +204,7 @@ fn layers_of_a_fisheye_are_those_of_its_pixels() {
         points: None,
         directions: None,
         cache: None,
+        light_edges: None,
     };
     let ids = (0..side * side).map(|i| bdpm::transport::camera_paths::CameraPathId {
         x: i % side,

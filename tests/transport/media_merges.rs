@@ -30,10 +30,11 @@ use std::sync::Arc;
 /// the law. Direct light from photons takes more iterations: `tests/check/predicts.rs`.
 #[test]
 fn noise_in_media_is_predicted() {
-    for (direct, merge_vertex, medium_query) in [(Connect, 2, Points), (Connect, 1, Beams)] {
+    for (merge_vertex, medium_query, medium_share) in [(2, Points, 1.0), (1, Beams, 0.25)] {
         let asked = Settings { radius: 0.25, caustic_radius: 0.2, ..settings(SIDE, SIDE) };
-        let settings = Settings { merge_vertex, direct, medium_query, medium_scale: 1.5, ..asked };
-        let name = format!("media {direct:?} k = {merge_vertex} {medium_query:?}");
+        let asked = Settings { direct: Connect, medium_scale: 1.5, ..asked };
+        let settings = Settings { merge_vertex, medium_query, medium_share, ..asked };
+        let name = format!("media k = {merge_vertex} {medium_query:?} {medium_share}");
         let scene = &foggy_room();
         // Two standard errors: .03 with the 144 pixels of `far_counts::assert_far_counts`, hence
         // .03 sqrt(144/64) with these 64.
@@ -47,6 +48,31 @@ fn noise_in_media_is_predicted() {
             most: 0.045,
         }
         .assert_far_counts(&[(6000, 4, 300), (300, 60, 400)]);
+    }
+}
+
+/// Merges in media that are done stand for those that are left out: the mean image is the same, and
+/// so are paths and photons.
+#[test]
+fn merges_in_media_that_are_done_stand_for_all() {
+    let scene = Arc::new(everything());
+    for medium_query in [Points, Beams] {
+        let settings = Settings { medium_query, direct: PhotonMap, ..settings(SIDE, SIDE) };
+        let image = |medium_share: f64| {
+            let own = Settings { medium_share, ..settings.clone() };
+            let mut renderer = Renderer::new(&scene, &accel(&scene), own).unwrap();
+            (0..200).for_each(|_| drop(renderer.iterate(Measure::Off)));
+            let film = renderer.film();
+            let variance: f64 = film.variance_of_mean().unwrap().iter().sum();
+            (film.mean_luminance(), variance.sqrt() / film.pixels() as f64)
+        };
+        let (all, some) = (image(1.0), image(0.2));
+        // Photons and paths are the same, so that the noise of the share alone differs. It is
+        // independent from pixel to pixel, as the errors of these means take all of it to be.
+        let error = some.1;
+        assert!((some.0 - all.0).abs() < 3.0 * error, "{medium_query:?} {all:?} {some:?}");
+        assert!(some.1 > 1.05 * all.1, "{medium_query:?}: merges were left out");
+        assert!(error < 0.01 * all.0, "{medium_query:?} {all:?} {some:?}");
     }
 }
 
@@ -133,6 +159,7 @@ fn assert_merges_nest(scene: &Scene, accel: &dyn Intersect, medium_query: Medium
         points: None,
         directions: None,
         cache: None,
+        light_edges: None,
     };
     let mut paths = CameraPaths::default();
     let ids = (0..SIDE * SIDE * 4).map(|i| CameraPathId {

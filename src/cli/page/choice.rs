@@ -46,6 +46,9 @@ fn technique(chosen: &Selection) -> Markup {
                 (number(best.caustic_radius.into())) "."
                 @if best.technique.medium_query.is_some() {
                     " Radii in media are " (number(best.medium_scale)) " times as large."
+                    @if best.medium_share < 1.0 {
+                        " A share of " (number(best.medium_share)) " of the merges in media is done."
+                    }
                 }
                 @if let Some(guided) = chosen.used_guide() { " It has " (guided.describe()) "." }
             }

@@ -108,6 +108,7 @@ fn record(
         points: None,
         directions,
         cache: None,
+        light_edges: None,
     };
     let rows = (CameraPaths::BATCH as u32).div_ceil(side);
     let batches = (0..side.div_ceil(rows)).into_par_iter().flat_map_iter(|batch| {

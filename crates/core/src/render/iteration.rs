@@ -14,7 +14,7 @@ use crate::film::counts::Counts;
 use crate::film::statistic::CurrentIteration;
 use crate::noise::Measure;
 use crate::scene::Scene;
-use crate::transport::camera_paths::{CameraPass, CameraPoints};
+use crate::transport::camera_paths::{CameraPass, CameraPoints, LightEdges};
 use crate::transport::clearance::Clearance;
 use crate::transport::kernel::MergeKernel;
 use crate::transport::medium_kernel::MediumKernel;
@@ -127,6 +127,15 @@ impl Renderer {
         }
     }
 
+    /// Edges of light sources in the image, if any are seen.
+    fn light_edges(&self) -> Option<&LightEdges> {
+        let edges = self.light_edges.get_or_init(|| {
+            let size = self.settings.resolution();
+            LightEdges::of(&self.scene, &*self.accel, &self.view, size)
+        });
+        edges.as_ref()
+    }
+
     fn kernel(&self) -> MergeKernel<'_> {
         let kernel = MergeKernel::new(&self.settings, self.areas.as_deref());
         match self.config.nested_part {
@@ -162,6 +171,7 @@ impl Renderer {
                 .filter(|_| !self.config.independent_paths),
             directions: self.directions(),
             cache: self.suffixes.cache(),
+            light_edges: self.light_edges(),
         };
         let options = MergeOptions {
             mis,

@@ -78,6 +78,7 @@ fn receivers(
         points: None,
         directions: None,
         cache: None,
+        light_edges: None,
     };
     let rows = (0..side).into_par_iter().flat_map_iter(|y| {
         let mut paths = CameraPaths::default();

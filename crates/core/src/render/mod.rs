@@ -47,6 +47,7 @@ use crate::scene::{Media, Scene, View};
 use crate::settings::combinations::{self, Asked};
 use crate::settings::{AllowedLightPaths, Kernel, MAX_LIGHT_PATHS, Settings};
 use crate::transport::area::{Areas, CellWork};
+use crate::transport::camera_paths::LightEdges;
 use crate::transport::clearance::Clearance;
 use crate::transport::kernel::MergeKernel;
 use crate::transport::light_paths::LightPaths;
@@ -58,8 +59,8 @@ use accumulators::SharedStatistics;
 use block::Block;
 use direction_learning::LearnedDirections;
 use memory::{bytes_per_light_path, check_memory, film_bytes};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use suffixes::Suffixes;
 use worker::Worker;
 
@@ -100,6 +101,8 @@ pub struct Renderer {
     suffixes: Suffixes,
     /// Where surfaces are near, in scenes with media.
     clearance: Option<Arc<Clearance>>,
+    /// Edges of light sources in the image, once they were needed.
+    light_edges: OnceLock<Option<LightEdges>>,
     /// Guide of the directions from diffuse vertices, once it was learned.
     directions: LearnedDirections,
     workers: Pool<Worker>,
@@ -204,6 +207,7 @@ impl Renderer {
             medium_photons: MediumPhotons::default(),
             suffixes: Suffixes::default(),
             clearance,
+            light_edges: OnceLock::new(),
             workers: Pool::default(),
             directions: Arc::default(),
             interrupt: None,

@@ -129,7 +129,8 @@ impl Suffixes {
         let Renderer { scene, settings, .. } = renderer;
         let key = StreamKey::new(settings.seed, Stream::SuffixPath, iteration);
         let (pass, merge) = renderer.passes(iteration);
-        let pass = CameraPass { key, hides_lights: false, points: None, cache: None, ..pass };
+        let (points, cache, light_edges) = (None, None, None);
+        let pass = CameraPass { key, hides_lights: false, points, cache, light_edges, ..pass };
         let places = Places::new(settings, key.rng(u64::MAX));
         let batches = (0..count.div_ceil(CameraPaths::BATCH as u32)).into_par_iter();
         let merge = (&merge, (count as f32).recip());

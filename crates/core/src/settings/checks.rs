@@ -149,6 +149,20 @@ pub(super) fn check_medium_scale(&scale: &f64) -> Result<()> {
     ))
 }
 
+/// Range of the share of the merges in media that are done.
+pub const MEDIUM_SHARES: RangeInclusive<f64> = 1e-4..=1.0;
+
+pub(super) fn check_medium_share(&share: &f64) -> Result<()> {
+    if MEDIUM_SHARES.contains(&share) {
+        return Ok(());
+    }
+    let least = MEDIUM_SHARES.start();
+    Err(Error::new(
+        format!("{share} of the merges in media are done"),
+        format!("give a share from {least} to 1, such as 0.1"),
+    ))
+}
+
 /// The built-in [`Settings::wavelength_width`](super::Settings::wavelength_width).
 pub const DEFAULT_WAVELENGTH_WIDTH: f64 = 0.06;
 

@@ -331,11 +331,12 @@ pub const COMBINATIONS: &[Combination] = &[
         },
     ),
     weakened(
-        ["--medium-scale|--medium-query", "a scene without media that scatter"],
+        ["--medium-scale|--medium-share|--medium-query", "a scene without media that scatter"],
         "It has no effect: no photon is stored in a medium.",
         |asked| {
-            let PartialSettings { medium_scale, medium_query, .. } = asked.given;
-            (medium_scale.is_some() || medium_query.is_some()) && !asked.scene.any_medium_scatters
+            let PartialSettings { medium_scale, medium_share, medium_query, .. } = asked.given;
+            let is_given = medium_scale.or(medium_share).is_some() || medium_query.is_some();
+            is_given && !asked.scene.any_medium_scatters
         },
     ),
     weakened(

@@ -12,7 +12,8 @@ mod table;
 
 pub use allowed::AllowedLightPaths;
 pub use checks::{
-    ADVICE, DEFAULT_WAVELENGTH_WIDTH, MAX_IMAGE_SIDE, MAX_LIGHT_PATHS, MEDIUM_SCALES, as_serde,
+    ADVICE, DEFAULT_WAVELENGTH_WIDTH, MAX_IMAGE_SIDE, MAX_LIGHT_PATHS, MEDIUM_SCALES,
+    MEDIUM_SHARES, as_serde,
 };
 pub(crate) use checks::{check_camera_paths, check_light_paths};
 pub(crate) use combinations::check_whole_sets;

@@ -2,8 +2,9 @@
 
 use super::checks::{
     as_serde, check_camera_paths, check_direction_guide, check_guide, check_light_paths,
-    check_light_visibility, check_medium_scale, check_merge_vertex, check_radius, check_resolution,
-    check_sobol_set, check_splitting, check_wavelength_width, checked,
+    check_light_visibility, check_medium_scale, check_medium_share, check_merge_vertex,
+    check_radius, check_resolution, check_sobol_set, check_splitting, check_wavelength_width,
+    checked,
 };
 use super::combinations::{self, Asked};
 use super::fixed_array::FixedArray;
@@ -191,6 +192,11 @@ settings! {
     #[serde(deserialize_with = "read::medium_scale")]
     medium_scale: f64 as f64 = 2.0, check_medium_scale;
 
+    /// Share of the merges in media that are done, each with as much more weight. The others leave
+    /// time for more light paths.
+    #[serde(deserialize_with = "read::medium_share")]
+    medium_share: f64 as f64 = 1.0, check_medium_share;
+
     /// Where photons in media are merged: around points of camera paths, or along their segments.
     medium_query: MediumQuery as MediumQuery = MediumQuery::default(), any;
 
@@ -274,6 +280,7 @@ mod read {
         light_paths: u32, check_light_paths;
         camera_paths: u32, check_camera_paths;
         medium_scale: f64, check_medium_scale;
+        medium_share: f64, check_medium_share;
         wavelength_width: f64, check_wavelength_width;
         merge_vertex: u32, check_merge_vertex;
         guide: u32, check_guide;
@@ -405,6 +412,7 @@ mod tests {
             radius: 0.5,
             caustic_radius: 0.125,
             medium_scale: 2.0,
+            medium_share: 1.0,
             medium_query: MediumQuery::Beams,
             wavelength_width: 0.06,
             bias: Bias::Keep,
@@ -440,6 +448,7 @@ mod tests {
             radius: Some(Length::Units(11.0)),
             caustic_radius: Some(Length::Share(0.25)),
             medium_scale: Some(3.0),
+            medium_share: Some(0.5),
             medium_query: Some(MediumQuery::Points),
             wavelength_width: Some(0.5),
             bias: Some(Bias::Reduce),

@@ -116,6 +116,11 @@ impl Audit {
         self.busy.as_secs_f64() / self.started.elapsed().as_secs_f64().max(1e-9)
     }
 
+    /// Time that its paths took.
+    pub(super) fn time_of_paths(&self) -> Duration {
+        self.busy
+    }
+
     /// Takes the sums of this process, to add them to those of another.
     pub(super) fn take_sums(&mut self) -> AuditSums {
         self.auditor.take_sums()
@@ -206,7 +211,8 @@ impl RenderState {
         }
         // A long iteration may pass several of them.
         audit.looks = LOOKS.iter().filter(|look| fraction >= **look).count();
-        self.attempt(Step::Audit, |state| {
+        let start = Instant::now();
+        let outcome = self.attempt(Step::Audit, |state| {
             let threads = Arc::clone(&state.threads);
             let Some(report) = threads.install(|| state.audit_report()) else {
                 return Ok(Outcome::Nothing);
@@ -224,7 +230,9 @@ impl RenderState {
                 )));
             }
             Ok(Outcome::Warned(report.warning().unwrap_or_default()))
-        })
+        });
+        self.clock.spent.audit += start.elapsed();
+        outcome
     }
 
     /// Lets the difference count as an error of the image, if there is one.
@@ -267,7 +275,7 @@ impl RenderState {
 
     /// The report of the final image.
     pub(super) fn finish_audit(&mut self) -> Option<AuditReport> {
-        let threads = Arc::clone(&self.threads);
+        let (threads, start) = (Arc::clone(&self.threads), Instant::now());
         let done = self.attempt(Step::Audit, |state| {
             let report = threads.install(|| state.audit_report());
             if let Some(report) = &report {
@@ -275,6 +283,7 @@ impl RenderState {
             }
             Ok(report)
         });
+        self.clock.spent.audit += start.elapsed();
         done.unwrap_or_else(|error: Error| {
             self.failure.get_or_insert(error);
             None

@@ -98,10 +98,12 @@ fn iterate(
 ) -> Result<()> {
     let elapsed = state.elapsed().as_secs_f64();
     let threads = Arc::clone(&state.threads);
+    let preparing = Instant::now();
     let measure = state.attempt(Step::Preparation, |state| {
         let RenderState { policy, renderer, stop, .. } = state;
         threads.install(|| policy.prepare(renderer, stop, elapsed))
     })?;
+    state.clock.spent.choices += preparing.elapsed();
     if let Some(error) = state.policy.take_failure() {
         let _ = observer(Event::Warning(format!("the path counts are kept: {error}")));
     }

@@ -34,6 +34,7 @@ pub(crate) use audit_report::{MIN_HITS, named_regions};
 pub use denoising::{DENOISED_DECAY, DenoisedPromise, DenoisedReport, Denoising};
 pub use outline::JobOutline;
 pub use result::{RelativeError, RenderResult};
+pub use run_clock::Spent;
 pub use shard::Shard;
 pub use state::{RenderState, best_measured};
 pub use status::{Exchanged, NoiseAt, Status, TimeForecast, Totals};
@@ -294,6 +295,7 @@ impl RenderJob {
             caustic_radius,
             medium_query: in_media && fixed.medium_query.is_none(),
             medium_scale: in_media && fixed.medium_scale.is_none(),
+            medium_share: in_media && fixed.medium_share.is_none(),
             guide: any && fixed.guide.is_none(),
             sobol_set: any && fixed.sobol_set.is_none(),
             splitting: any && fixed.splitting.is_none(),

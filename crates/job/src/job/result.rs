@@ -23,7 +23,7 @@ use bdpm_core::render::bias_over_noise::BiasOverNoise;
 use bdpm_core::render::block::Block;
 use bdpm_core::render::findable_light::CausticLight;
 use serde::Serialize;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// An image with its error and its plan.
 pub struct RenderResult {
@@ -115,7 +115,9 @@ impl RenderResult {
             state.failure.get_or_insert(error);
         }
         let audit = state.finish_audit();
+        let start = Instant::now();
         let summary = state.attempt(Step::Result, |state| Ok(Summary::new(state)));
+        state.clock.spent.estimates += start.elapsed();
         let Summary { error, denoised, rms, merge_bias } = summary.unwrap_or_else(|error| {
             state.failure.get_or_insert(error);
             Summary::default()

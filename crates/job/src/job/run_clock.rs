@@ -4,6 +4,19 @@ use super::status::TimeForecast;
 use std::mem;
 use std::time::{Duration, Instant};
 
+/// Wall-clock times of what a run does between and after its iterations.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Spent {
+    /// Choices of path counts, and the promise.
+    pub choices: Duration,
+    /// Paths of the audit, and its comparisons with the image.
+    pub audit: Duration,
+    /// Estimates of noise and bias.
+    pub estimates: Duration,
+    /// Denoising and its error.
+    pub denoising: Duration,
+}
+
 /// Times of a run and their forecasts.
 pub(super) struct RunClock {
     /// Start of the job, before the pilot.
@@ -17,6 +30,8 @@ pub(super) struct RunClock {
     pub estimate_time: f64,
     /// Time of the latest iteration without that of new areas, seconds.
     pub latest_iteration: f64,
+    /// Times between and after the iterations.
+    pub spent: Spent,
     /// Time that the stop conditions leave out for the caller's work at the end.
     reserve: Duration,
 }
@@ -33,6 +48,7 @@ impl RunClock {
             last_estimate: 0.0,
             estimate_time: 0.0,
             latest_iteration: 0.0,
+            spent: Spent::default(),
             reserve,
         }
     }

@@ -2,7 +2,7 @@
 
 use super::audit::Audit;
 use super::denoising::Denoising;
-use super::run_clock::{RunClock, has_time};
+use super::run_clock::{RunClock, Spent, has_time};
 use super::status::{Exchanged, NoiseAt, Status, TimeForecast, Totals};
 use super::step::{PlantedFailure, Step, attempt};
 use crate::output::checkpoint::{Checkpoint, ShardedImage};
@@ -123,6 +123,12 @@ impl RenderState {
         self.clock.start.elapsed()
     }
 
+    /// Times of what this run has done between and after its iterations.
+    pub fn spent(&self) -> Spent {
+        let paths = self.audit.as_ref().map_or(Duration::ZERO, Audit::time_of_paths);
+        Spent { audit: self.clock.spent.audit + paths, ..self.clock.spent }
+    }
+
     /// The camera of the image.
     pub fn camera(&self) -> &Camera {
         &self.renderer.scene_and_accel().0.camera
@@ -241,6 +247,7 @@ impl RenderState {
         let convergence =
             self.threads.install(|| Convergence::of(self.image(), &importance(blocks, objective)));
         self.clock.estimate_time = entered.elapsed().as_secs_f64();
+        self.clock.spent.estimates += entered.elapsed();
         if convergence.variance.is_none() && self.status.convergence.is_some() {
             return; // After the first iteration of a block, the previous estimate is the better one.
         }
@@ -386,10 +393,11 @@ impl RenderState {
         run: impl FnOnce(&mut Denoising, &Renderer, &CombinedImage) -> Result<T> + Send,
     ) -> Result<Option<T>> {
         let Some(mut denoising) = self.denoising.take() else { return Ok(None) };
-        let threads = Arc::clone(&self.threads);
+        let (threads, start) = (Arc::clone(&self.threads), Instant::now());
         let done = self.attempt(Step::Denoising, |state| {
             threads.install(|| run(&mut denoising, &state.renderer, &state.image()))
         });
+        self.clock.spent.denoising += start.elapsed();
         self.denoising = Some(denoising);
         done.map(Some)
     }

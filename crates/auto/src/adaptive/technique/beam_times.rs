@@ -7,19 +7,19 @@
 //! of the root the time near it.
 
 use super::End;
-use super::candidate_cost::{Best, CandidateCost, RenderTime};
+use super::candidate_cost::{Best, CandidateCost, InMedia, RenderTime};
 use super::model::Model;
 use super::pilot::Pilot;
 use super::trial_runner::{TrialRunner, stride};
 use crate::timing::TimeModel;
 use bdpm_core::base::error::Result;
-use bdpm_core::noise::Measure;
+use bdpm_core::noise::{Coefficients, Measure};
 use bdpm_core::render::RenderConfig;
 use bdpm_core::settings::{MediumQuery, Settings};
 use std::time::Duration;
 
 /// Measurements at most: each is at the counts that the one before leads to.
-const MOST_TIMED: u32 = 3;
+pub const MOST_TIMED: u32 = 3;
 
 /// Factor on the number of light paths, or its reciprocal, within which the law is good enough.
 const SAME_COUNT: f64 = 1.5;
@@ -41,10 +41,31 @@ const FEW_ITERATIONS: f64 = 3.0;
 /// Time of an iteration of those images over that of its camera paths.
 const LONGEST_OVER_BASE: f64 = 4.0;
 
+/// Shares of the merges in media are powers of 1/2 down to this one.
+const MOST_HALVINGS: i32 = 6;
+
+/// Relative variance of camera paths that leaving out merges in media adds, times `1/p - 1` for the
+/// share `p` of them: as if half of the light came from media in all pixels.
+const LIGHT_OF_MEDIA: f64 = 0.25;
+
+/// The coefficients where a share of the merges in media is done, from those where another share
+/// is. Trials are too short to tell media from surfaces: all of `a` and `b` counts as that of
+/// media. theory.md (37o)
+fn coefficients_at(known: &Coefficients, from: f64, to: f64) -> Coefficients {
+    let added = |share: f64| LIGHT_OF_MEDIA * (share.recip() - 1.0);
+    let b = (known.b - added(from)).max(0.0) * from / to + added(to);
+    Coefficients { a: known.a * from / to, b, f: known.f }
+}
+
 impl Pilot<'_> {
-    /// The best counts of a technique that merges along segments, by the times that merging takes
-    /// there; those of `best` for others.
-    pub(super) fn with_beam_times(&mut self, model: &Model, mut best: Best) -> Result<Best> {
+    /// The best counts and share of the merges of a technique that merges along segments, by at
+    /// most `most_timed` measurements of the time of merging; those of `best` for others.
+    pub(super) fn with_beam_times(
+        &mut self,
+        model: &Model,
+        mut best: Best,
+        most_timed: u32,
+    ) -> Result<Best> {
         let technique = model.technique;
         if technique.medium_query != Some(MediumQuery::Beams) {
             return Ok(best);
@@ -53,28 +74,37 @@ impl Pilot<'_> {
             End::Time(time) => SHARE * time,
             End::Error(_) => SHARE * best.seconds,
         };
-        let demand = CandidateCost { medium_scale: best.medium_scale, ..self.demand };
         let (start_up, coefficients) = (model.time(best.radii).start_up, best.coefficients);
-        for _ in 0..MOST_TIMED {
-            let n_light = best.light_paths.min(most / best.times.light_path).max(LEAST_LIGHT_PATHS);
-            let settings = Settings {
-                light_paths: n_light as u32,
-                ..best.scored(technique).apply(self.settings)
-            };
+        // Trials or the lane measured the coefficients at this share.
+        let known_share = best.in_media.share;
+        for _ in 0..most_timed {
+            let timed = best.light_paths.min(most / best.times.light_path).max(LEAST_LIGHT_PATHS);
+            let own = best.scored(technique).apply(self.settings);
+            let settings = Settings { light_paths: timed as u32, ..own };
             let times = self.runner.beam_times(settings, &best.times)?;
-            let at = |light_paths: f64| {
-                let time = RenderTime { times: at_count(&times, n_light, light_paths), start_up };
-                let demand = CandidateCost { light_paths: Some(light_paths), ..demand };
+            let at = |share: f64, light_paths: f64| {
+                let known = (timed, best.in_media.share);
+                let times = at_count(&times, known, (light_paths, share));
+                let in_media = InMedia { share, ..best.in_media };
+                let light_paths = Some(light_paths);
+                let demand = CandidateCost { light_paths, in_media, ..self.demand };
+                let coefficients = coefficients_at(&coefficients, known_share, share);
+                let time = RenderTime { times, start_up };
                 model.evaluate(&coefficients, &time, &demand, best.radii)
             };
-            let largest = f64::from(demand.max_light_paths) / LEAST_LIGHT_PATHS;
+            let largest = f64::from(self.demand.max_light_paths) / LEAST_LIGHT_PATHS;
             let steps = (2.0 * largest.log2()).max(0.0) as i32;
-            let all =
-                (0..=steps).map(|step| at(LEAST_LIGHT_PATHS * 2f64.powf(0.5 * f64::from(step))));
-            let rank = |own: &Best| own.rank(&demand) * too_long(&times, own, &demand);
+            let count = |step: i32| LEAST_LIGHT_PATHS * 2f64.powf(0.5 * f64::from(step));
+            let shares: Vec<f64> = match self.demand.open.medium_share {
+                true => (0..=MOST_HALVINGS).map(|halvings| 0.5f64.powi(halvings)).collect(),
+                false => vec![best.in_media.share],
+            };
+            let of_share = |share: f64| (0..=steps).map(move |step| at(share, count(step)));
+            let all = shares.into_iter().flat_map(of_share);
+            let rank = |own: &Best| own.rank(&self.demand) * too_long(&times, own, &self.demand);
             let next = all.min_by(|one, other| rank(one).total_cmp(&rank(other)));
             let next = Best { tried: best.tried, ..next.expect("there is a step") };
-            let ratio = next.light_paths / n_light;
+            let ratio = next.light_paths / timed;
             best = next;
             if (SAME_COUNT.recip()..SAME_COUNT).contains(&ratio) {
                 break;
@@ -84,10 +114,11 @@ impl Pilot<'_> {
     }
 }
 
-/// Times at a number of light paths, from those at another one: the time of merging a camera path
-/// grows as the root of the number.
-fn at_count(times: &TimeModel, known: f64, light_paths: f64) -> TimeModel {
-    TimeModel { merge_pair: times.merge_pair * (known / light_paths).sqrt(), ..*times }
+/// Times at a number of light paths and a share of the merges, from those `known` at another pair:
+/// the time of a merge grows as the root of the number of light paths.
+fn at_count(times: &TimeModel, known: (f64, f64), (light_paths, share): (f64, f64)) -> TimeModel {
+    let merge_pair = times.merge_pair * (known.0 / light_paths).sqrt() * share / known.1;
+    TimeModel { merge_pair, ..*times }
 }
 
 /// Factor on the rank of counts of which too few iterations fit in the time. The law of the root
@@ -127,12 +158,22 @@ mod tests {
 
     #[test]
     fn four_times_the_light_paths_take_twice_the_time_of_merging() {
-        let merging = |light_paths: f64| {
-            let times = TimeModel { look_up: 0.0, ..at_count(&times(), 1000.0, light_paths) };
-            times.parts(light_paths, 1.0)[3]
+        let merging = |light_paths: f64, share: f64| {
+            let times = at_count(&times(), (1000.0, 1.0), (light_paths, share));
+            TimeModel { look_up: 0.0, ..times }.parts(light_paths, 1.0)[3]
         };
-        assert!((merging(4000.0) / merging(1000.0) - 2.0).abs() < 1e-9);
-        assert!((merging(1000.0) / (times().merge_pair * 1e4 * 1000.0) - 1.0).abs() < 1e-9);
+        assert!((merging(4000.0, 1.0) / merging(1000.0, 1.0) - 2.0).abs() < 1e-9);
+        assert!((merging(4000.0, 0.5) / merging(1000.0, 1.0) - 1.0).abs() < 1e-9);
+        assert!((merging(1000.0, 1.0) / (times().merge_pair * 1e4 * 1000.0) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn merges_that_are_left_out_add_noise_of_camera_paths() {
+        let all = Coefficients { a: 6.0, b: 1.0, f: 2.0 };
+        let quarter = coefficients_at(&all, 1.0, 0.25);
+        assert_eq!(quarter, Coefficients { a: 24.0, b: 4.75, f: 2.0 });
+        assert_eq!(coefficients_at(&quarter, 0.25, 1.0), all);
+        assert_eq!(coefficients_at(&all, 1.0, 1.0), all);
     }
 
     /// Camera paths of an iteration of these times take 5.1 ms.

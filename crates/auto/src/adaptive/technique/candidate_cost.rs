@@ -50,10 +50,19 @@ pub struct CandidateCost {
     pub corrects_bias: bool,
     /// Merge radii of the settings, scene units.
     pub requested: ByClass<f32>,
-    /// Merge radii in media over those at surfaces, of the settings.
-    pub medium_scale: f64,
+    /// Merges in media of the settings.
+    pub in_media: InMedia,
     /// The image is denoised: what counts is the noise that is left.
     pub denoises: bool,
+}
+
+/// Merges in media.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InMedia {
+    /// Merge radii over those at surfaces.
+    pub scale: f64,
+    /// Share of the merges that are done.
+    pub share: f64,
 }
 
 /// Merge bias of a class of photons at one radius, and the noise that correcting it would add.
@@ -83,8 +92,8 @@ pub struct RenderTime {
 pub struct Best {
     /// Merge radii, scene units.
     pub radii: ByClass<f64>,
-    /// Merge radii in media over those at surfaces.
-    pub medium_scale: f64,
+    /// Merges in media.
+    pub in_media: InMedia,
     pub(super) light_paths: f64,
     pub(super) camera_paths: u32,
     /// Iterations after all areas around gather points are known.
@@ -158,7 +167,7 @@ impl CandidateCost {
             self.time_and_error(tau, variance, start_up, error_at);
         Best {
             radii: [0.0; 2],
-            medium_scale: self.medium_scale,
+            in_media: self.in_media,
             light_paths,
             camera_paths,
             iterations,
@@ -277,7 +286,8 @@ impl Best {
             technique,
             radius,
             caustic_radius,
-            medium_scale: self.medium_scale,
+            medium_scale: self.in_media.scale,
+            medium_share: self.in_media.share,
             light_paths: self.light_paths.round() as u32,
             camera_paths: self.camera_paths,
             seconds: self.seconds,
@@ -330,7 +340,7 @@ pub mod tests {
             open: FreeParameters::ALL,
             corrects_bias: false,
             requested: [1.0; 2],
-            medium_scale: 2.0,
+            in_media: InMedia { scale: 2.0, share: 1.0 },
             denoises: false,
         }
     }

@@ -119,6 +119,8 @@ free_parameters! {
     medium_query,
     /// The radii in media.
     medium_scale,
+    /// The share of the merges in media that are done.
+    medium_share,
     /// Where light paths start.
     guide,
     /// The size of the sets of light paths that start from Sobol points.
@@ -133,7 +135,7 @@ impl FreeParameters {
     /// Whether the pilot may choose more than the counts.
     pub fn any(&self) -> bool {
         let Self { strategy, direct, radius, caustic_radius, guide, .. } = *self;
-        let in_media = self.medium_query || self.medium_scale;
+        let in_media = self.medium_query || self.medium_scale || self.medium_share;
         strategy || direct || radius || caustic_radius || guide || in_media
     }
 
@@ -155,6 +157,8 @@ pub struct Candidate {
     pub caustic_radius: f32,
     /// Merge radii in media over those at surfaces.
     pub medium_scale: f64,
+    /// Share of the merges in media that are done.
+    pub medium_share: f64,
     /// Light paths of an iteration, `N_F`.
     pub light_paths: u32,
     /// Camera paths per pixel of an iteration, `N_B`.
@@ -316,9 +320,10 @@ impl Candidate {
     /// Settings that render this candidate.
     pub fn apply(&self, settings: &Settings) -> Settings {
         let Self { technique, radius, caustic_radius, light_paths, camera_paths, .. } = *self;
-        let medium_scale = self.medium_scale;
+        let Self { medium_scale, medium_share, .. } = *self;
         let own = technique.with(settings, [caustic_radius, radius]);
-        Settings { light_paths, camera_paths, medium_scale, mis_scales: None, ..own }
+        let mis_scales = None;
+        Settings { light_paths, camera_paths, medium_scale, medium_share, mis_scales, ..own }
     }
 }
 

@@ -2,7 +2,8 @@
 //! large radii, and lets the best race at their best radii.
 
 use super::alternatives::Alternatives;
-use super::candidate_cost::{Best, CandidateCost};
+use super::beam_times::MOST_TIMED;
+use super::candidate_cost::{Best, CandidateCost, InMedia};
 use super::candidates::SceneTraits;
 use super::compared_trials::disagrees;
 use super::model::{ENOUGH_FOUND, ImageScale, LARGEST_SCALE, Model};
@@ -71,7 +72,7 @@ pub fn run(
         open,
         corrects_bias: settings.bias == Bias::Reduce,
         requested: [settings.caustic_radius, settings.radius],
-        medium_scale: settings.medium_scale,
+        in_media: InMedia { scale: settings.medium_scale, share: settings.medium_share },
         denoises,
     };
     let mut runner = TrialRunner::new(renderer, each)?;
@@ -260,7 +261,11 @@ impl Pilot<'_> {
             let missed = missed_share(tried.trials[0].luminance(), self.least_luminance);
             Finalist { model, best, is_reserve: tried.is_reserve, missed }
         };
-        let field: Vec<Finalist> = self.tried.iter().map(finalist).collect();
+        let mut field: Vec<Finalist> = self.tried.iter().map(finalist).collect();
+        // Lanes measure at the share of the merges in media that the image would have.
+        for Finalist { model, best, .. } in &mut field {
+            *best = self.with_beam_times(model, *best, 1)?;
+        }
         let track = Track {
             settings: self.settings,
             demand: self.demand,
@@ -269,7 +274,7 @@ impl Pilot<'_> {
         };
         let mut finalists = race(field, track, racing)?;
         let first = &mut finalists[0];
-        first.best = self.with_beam_times(&first.model, first.best)?;
+        first.best = self.with_beam_times(&first.model, first.best, MOST_TIMED)?;
         Ok(finalists)
     }
 

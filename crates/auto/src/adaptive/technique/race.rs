@@ -5,7 +5,7 @@
 //! on, until one is left. What they have measured decides, not what was predicted. Where a lane
 //! predicts clearly less error at other radii, a lane at these radii joins. theory.md, section 22a
 
-use super::candidate_cost::{Best, CandidateCost};
+use super::candidate_cost::{Best, CandidateCost, InMedia};
 use super::lane::{LANE_CAMERA_PATHS, Lane, LaneMeasurement, LaneShape};
 use super::model::{ImageScale, Model};
 use super::pilot::{Finalist, common_weights};
@@ -175,8 +175,7 @@ impl Racer {
         let missed = missed_light(model.technique.merges(), *paths, share);
         let coefficients = image.coefficients + missed;
         let time = model.time(image.radii);
-        let medium_scale = self.finalist.best.medium_scale;
-        let demand = CandidateCost { medium_scale, ..track.demand };
+        let demand = CandidateCost { in_media: self.finalist.best.in_media, ..track.demand };
         let best = model.evaluate(&coefficients, &time, &demand, image.radii);
         // Light that leaks through walls is bias, whatever the annulus shows.
         let leaked = (luminance / most - 1.0 - BIAS_TOLERANCE).max(0.0);
@@ -189,7 +188,7 @@ impl Racer {
     fn joining(&self, demand: &CandidateCost) -> Option<Finalist> {
         let Self { finalist, matched, .. } = self;
         let model = matched.as_ref()?;
-        let demand = &CandidateCost { medium_scale: finalist.best.medium_scale, ..*demand };
+        let demand = &CandidateCost { in_media: finalist.best.in_media, ..*demand };
         let own = model.best(demand);
         let is_elsewhere = own.radii != finalist.best.radii;
         let is_better = is_elsewhere && own.rank(demand) < PROMISING * finalist.best.rank(demand);
@@ -203,14 +202,15 @@ impl Racer {
     }
 
     /// Lanes that no prediction asks for, beside the best one: with light paths that split, unless
-    /// they would draw visible noise as spots, and with other radii in media.
+    /// they would draw visible noise as spots, and with other radii in media. They have as many
+    /// light paths as the best one: the time of a pair along segments depends on their number.
     fn variants(&self, demand: &CandidateCost) -> Vec<Finalist> {
         let Finalist { best, missed, .. } = self.finalist;
         let Some(model) = &self.matched else { return Vec::new() };
         let variant = |technique: Technique, factor: f64| {
             let model = model.variant(technique, factor);
-            let medium_scale = factor * best.medium_scale;
-            let best = Best { medium_scale, tried: false, ..best };
+            let in_media = InMedia { scale: factor * best.in_media.scale, ..best.in_media };
+            let best = Best { in_media, light_paths: self.light_paths, tried: false, ..best };
             Finalist { model, best, is_reserve: false, missed }
         };
         let draws_spots = matches!(demand.end, End::Time(_)) && best.is_noise_visible();
@@ -219,7 +219,7 @@ impl Racer {
         let mut all: Vec<Finalist> = split.map(|split| variant(split, 1.0)).into_iter().collect();
         if demand.open.medium_scale && model.technique.medium_query.is_some() {
             let scaled = OTHER_SCALES.map(|factor| variant(model.technique, factor)).into_iter();
-            all.extend(scaled.filter(|own| MEDIUM_SCALES.contains(&own.best.medium_scale)));
+            all.extend(scaled.filter(|own| MEDIUM_SCALES.contains(&own.best.in_media.scale)));
         }
         all
     }
@@ -227,7 +227,7 @@ impl Racer {
     /// Whether the lane of a finalist would repeat this one.
     fn is_like(&self, Finalist { model, best, .. }: &Finalist) -> bool {
         // Lanes measure at radii of single precision.
-        let place = |best: &Best| (best.radii.map(|radius| radius as f32), best.medium_scale);
+        let place = |best: &Best| (best.radii.map(|radius| radius as f32), best.in_media);
         let own = &self.finalist;
         (own.model.technique, place(&own.best)) == (model.technique, place(best))
             && self.has_weights_of(best)
@@ -249,15 +249,19 @@ mod tests {
     use crate::test_scene::TestScene;
     use bdpm_core::noise::Coefficients;
 
+    /// Share of the merges in media that lanes do.
+    const SHARE: f64 = 0.5;
+
     /// The lanes of a race of merging at vertex 1 at these radii in a scene, the best first.
     fn raced(scene: &str, open: FreeParameters, radii: &[f32]) -> Vec<Finalist> {
         let scene = TestScene::new(scene, [64, 48]);
-        let own = Settings { merge_vertex: 1, ..scene.settings.clone() };
+        let own = Settings { merge_vertex: 1, medium_share: SHARE, ..scene.settings.clone() };
         let renderer = scene.renderer(&own);
         let mut runner = TrialRunner::new(&renderer, 0.0).unwrap();
         // So long that bias decides.
         let demand = demand(End::Time(1e6));
-        let demand = CandidateCost { open, medium_scale: own.medium_scale, ..demand };
+        let in_media = InMedia { scale: own.medium_scale, share: own.medium_share };
+        let demand = CandidateCost { open, in_media, ..demand };
         let (model, scale) = of_trial(&mut runner, &own);
         let medium_query = open.medium_scale.then_some(own.medium_query);
         let model = model.variant(Technique { medium_query, ..model.technique }, 1.0);
@@ -290,7 +294,8 @@ mod tests {
     fn paths_that_split_and_other_radii_in_media_join_once() {
         let open = FreeParameters { splitting: true, medium_scale: true, ..FreeParameters::NONE };
         let ranked = raced("smoke", open, &[0.03]);
-        let of = |own: &Finalist| (own.model.technique.splitting, own.best.medium_scale);
+        assert!(ranked.iter().all(|own| own.best.in_media.share == SHARE));
+        let of = |own: &Finalist| (own.model.technique.splitting, own.best.in_media.scale);
         let mut all: Vec<(u32, f64)> = ranked.iter().map(of).collect();
         // Lanes of the leader of the second part may join as well.
         let own = TestScene::new("smoke", [64, 48]).settings.medium_scale;

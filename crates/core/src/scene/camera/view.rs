@@ -6,7 +6,10 @@ use super::perspective::lens_ray;
 use super::sensor::Disc;
 use crate::accel::Ray;
 use crate::simd::{LANES, Vec3s};
-use glam::{Vec2, Vec3};
+use glam::{Mat3, Vec2, Vec3};
+
+/// Depth of the nearest point of a segment that is projected, over that of its farthest.
+const NEAREST: f32 = 1e-4;
 
 /// A camera bound to a resolution.
 #[derive(Clone, Copy, Debug)]
@@ -77,6 +80,48 @@ impl View {
         let (column, row) = (x.floor(), y.floor());
         let within = |n: f32| n - stride * (n / stride).floor();
         [x + (stride - 1.0) * column + within(row), y + (stride - 1.0) * row + within(column)]
+    }
+
+    /// Returns true if all pixels are taken.
+    pub fn is_of_all_pixels(&self) -> bool {
+        self.stride == 1.0
+    }
+
+    /// The part of a segment in front of a pinhole camera of all pixels, from one point of the image
+    /// to another, pixels from its top left corner; `None` if all of it is behind.
+    pub fn projected_segment(&self, ends: [Vec3; 2]) -> Option<[Vec2; 2]> {
+        let [from, to] = ends.map(|end| self.in_image(end));
+        let nearest = NEAREST * from.z.abs().max(to.z.abs());
+        if from.z.max(to.z) <= nearest {
+            return None;
+        }
+        let in_front = |own: Vec3, other: Vec3| {
+            let share = (nearest - own.z) / (other.z - own.z);
+            let own = if own.z < nearest { own.lerp(other, share) } else { own };
+            own.truncate() / own.z
+        };
+        Some([in_front(from, to), in_front(to, from)])
+    }
+
+    /// The point of a segment that is seen at a point of the image on its projection.
+    pub fn point_on_segment(&self, ends: [Vec3; 2], at: Vec2) -> Vec3 {
+        let [from, to] = ends.map(|end| self.in_image(end));
+        // `from + share (to - from)` is a multiple of `(at, 1)`.
+        let (over, along) = (from.truncate() - from.z * at, to.z * at - to.truncate());
+        let along = along + over;
+        let share = over.dot(along) / along.length_squared();
+        let share = if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.5 };
+        ends[0].lerp(ends[1], share)
+    }
+
+    /// A point as `(depth x, depth y, depth)`, where it is seen at `(x, y)`.
+    fn in_image(&self, point: Vec3) -> Vec3 {
+        Mat3::from_cols(self.dx, self.dy, self.corner).inverse() * (point - self.position)
+    }
+
+    /// The ray of a pinhole camera through a point of the scene.
+    pub fn ray_to(&self, point: Vec3) -> Ray {
+        Ray::new(self.position, (point - self.position).normalize())
     }
 
     /// Returns true if all rays start at the position and have the weight 1, so that

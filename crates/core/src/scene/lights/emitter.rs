@@ -16,6 +16,7 @@ use crate::scene::{TexturedTriangle, Triangle};
 use glam::Vec3;
 use serde::Serialize;
 use std::f32::consts::PI;
+use std::slice;
 
 /// A light source; a mesh that emits has one per triangle.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -170,6 +171,16 @@ impl Emitter {
             Self::Textured(panel) => PI * panel.shape.area() * panel.mean(),
             Self::Luminaire(lamp) => lamp.aimed.power(),
             Self::Opening(lamp) => lamp.opening.aimed().power(),
+        }
+    }
+
+    /// The triangles whose fronts emit; none for points and parallel light.
+    pub fn triangles(&self) -> &[Triangle] {
+        match self {
+            Self::Triangle { shape, .. } => slice::from_ref(shape),
+            Self::Textured(panel) => slice::from_ref(&panel.shape),
+            Self::Opening(lamp) => lamp.triangles(),
+            Self::Point { .. } | Self::Spot(_) | Self::Directional(_) | Self::Luminaire(_) => &[],
         }
     }
 

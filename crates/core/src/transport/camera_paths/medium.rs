@@ -60,6 +60,13 @@ impl CameraPass<'_> {
     fn merges_along(&self, vertex: u32) -> bool {
         self.settings.medium_query == MediumQuery::Beams && self.gathers_at(vertex)
     }
+
+    /// Weight of a merge in a medium; `None` if it is left out. theory.md (37o)
+    fn merge_weight(&self, state: &PathState) -> Option<f32> {
+        let share = self.settings.medium_share as f32;
+        // A copy draws the number, so that the path is the same at each share.
+        (share == 1.0 || state.rng.clone().next_1d() < share).then(|| share.recip())
+    }
 }
 
 impl CameraPaths {
@@ -90,7 +97,7 @@ impl CameraPaths {
             let passed = match medium.filter(|own| own.scatters() && pass.merges_along(vertex)) {
                 None => travel(pass.scene, media, ray, hit, state),
                 Some(medium) => {
-                    self.merge_along(medium, (ray, hit.t), state);
+                    self.merge_along(pass, medium, (ray, hit.t), state);
                     if pass.goes_on_from(vertex) {
                         travel(pass.scene, media, ray, hit, state)
                     } else if self.end_in_medium(pass, medium, (ray, hit.t), share, state) {
@@ -105,11 +112,18 @@ impl CameraPaths {
     }
 
     /// Stores the segment of a ray to this distance, along which photons are merged.
-    fn merge_along(&mut self, medium: &Medium, (ray, length): (&Ray, f32), state: &PathState) {
+    fn merge_along(
+        &mut self,
+        pass: &CameraPass,
+        medium: &Medium,
+        (ray, length): (&Ray, f32),
+        state: &PathState,
+    ) {
+        let Some(weight) = pass.merge_weight(state) else { return };
         self.beams.push(MediumBeam {
             segment: Segment { origin: ray.origin, direction: ray.direction, length },
             path: state.path,
-            weight: state.weight * medium.scattering,
+            weight: state.weight * medium.scattering * weight,
             vertex: state.history.diffuse() + 1,
             extinction: medium.extinction(),
             asymmetry: medium.asymmetry,
@@ -186,8 +200,11 @@ impl CameraPaths {
         if pass.connects() {
             self.connect_in_medium(pass, vertex, share, &mut state);
         }
-        if pass.gathers_at(number) && !pass.merges_along(number) {
-            let (path, weight, asymmetry) = (state.path, state.weight, medium.asymmetry);
+        if pass.gathers_at(number)
+            && !pass.merges_along(number)
+            && let Some(factor) = pass.merge_weight(&state)
+        {
+            let (path, weight, asymmetry) = (state.path, state.weight * factor, medium.asymmetry);
             let (vertex, wavelength) = (number, state.history.wavelength());
             self.medium_points.push(MediumPoint {
                 position,

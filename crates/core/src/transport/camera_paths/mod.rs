@@ -6,6 +6,7 @@ mod coated;
 mod directions;
 mod equiangular;
 mod gather;
+mod light_edges;
 mod medium;
 mod meter;
 mod mis;
@@ -35,6 +36,8 @@ use crate::simd::{LANES, Mask, Vec3s, any};
 use coated::CoatedSegments;
 pub use directions::{DirectionRecorder, RecordedDirection};
 use directions::{diffuse_directions, guided_vertices};
+use light_edges::EdgePath;
+pub use light_edges::LightEdges;
 pub use medium::{MediumBeam, MediumPoint};
 use mis::LastVertex;
 pub use points::CameraPoints;
@@ -78,6 +81,8 @@ pub struct CameraPass<'a> {
     pub directions: Option<&'a DirectionGuide>,
     /// Light at which paths end.
     pub cache: Option<&'a SuffixCache>,
+    /// Pixels in which several rays of a path find the light sources that it sees straight.
+    pub light_edges: Option<&'a LightEdges>,
 }
 
 /// Camera paths that are merged together, traced batch by batch; buffers are reused.
@@ -126,6 +131,8 @@ pub struct CameraPaths {
     records_aovs: bool,
     /// Numbers of the first vertices of the current batch; none after its first segments.
     points: Vec<FirstVertex>,
+    /// Paths of the current batch at edges of light sources; none after its first segments.
+    edge_paths: Vec<EdgePath>,
 }
 
 impl CameraPass<'_> {
@@ -182,6 +189,7 @@ impl CameraPaths {
         if self.records_aovs {
             self.start_aovs();
         }
+        self.add_light_edges(pass);
         // Neighboring camera paths stay close up to their first vertex. Those of a meter do not.
         let mut coherence = match pass.scene.meters() {
             None => Coherence::Coherent,
@@ -205,6 +213,7 @@ impl CameraPaths {
             );
             self.add_connections(pass, coherence);
             self.points.clear();
+            self.edge_paths.clear();
             self.end_current_directions();
             self.end_suffix_vertices();
             coherence = Coherence::Incoherent;
@@ -217,6 +226,7 @@ impl CameraPaths {
         self.segments.clear();
         self.first_path = self.direct.len();
         self.points.clear();
+        self.edge_paths.clear();
         let mut started = self.first_path;
         let mut paths = paths.fuse();
         let (origin, weight) = (Vec3s::splat(pass.view.position), Vec3s::splat(Rgb::ONE));
@@ -230,6 +240,10 @@ impl CameraPaths {
                 let pixel = id.y * pass.settings.width + id.x;
                 index[count] = camera_path_index(pixel, id.index);
                 (x[count], y[count]) = (id.x as f32, id.y as f32);
+                if pass.light_edges.is_some_and(|edges| edges.includes(id.x, id.y)) {
+                    let (path, corner) = ((started + count) as u32, [x[count], y[count]]);
+                    self.edge_paths.push(EdgePath { path, corner, index: index[count] });
+                }
                 count += 1;
             }
             if count == 0 {
@@ -437,7 +451,7 @@ impl CameraPaths {
     fn add_emission(&mut self, pass: &CameraPass, at: &DiffuseVertices, states: &PathStates) {
         for lane in 0..LANES {
             let diffuse = states.history[lane].diffuse();
-            let counts = self.counts_hit(pass, states.history[lane]);
+            let counts = self.counts_surface(pass, states.path[lane], states.history[lane]);
             if at.active[lane] && counts {
                 let mut emission = at.emission.get(lane);
                 if self.hit_weights.is_some() && emission != Rgb::ZERO {
@@ -467,6 +481,11 @@ impl CameraPaths {
         let is_connected = history.is_start() && pass.scene.measures_irradiance();
         let is_hidden = pass.hides_lights && history.diffuse() == 0;
         (history.diffuse() == 0 || self.mis.is_some()) && !is_connected && !is_hidden
+    }
+
+    /// [`Self::counts_hit`] of surfaces that a path hits.
+    fn counts_surface(&self, pass: &CameraPass, path: u32, history: History) -> bool {
+        self.counts_hit(pass, history) && !self.is_at_light_edge(path)
     }
 
     /// [`Self::counts_hit`] of the environment. Meters are connected with it through slabs, too.

@@ -94,7 +94,7 @@ impl CameraPaths {
         let Other { surface, state, .. } = other;
         let mut state = *state;
         let diffuse = state.history.diffuse();
-        if self.counts_hit(pass, state.history) {
+        if self.counts_surface(pass, state.path, state.history) {
             let mut emission = surface.emission();
             if emission != Rgb::ZERO {
                 let segment = [surface.position, -surface.wo];

@@ -332,7 +332,7 @@ impl Denoising {
             let noise = SquaredPart { value, deviation: error.standard_error };
             ErrorInterval::new(noise, bias, false)
         });
-        let total = |error: ErrorSummary| (error.squared.max(0.0) + bias.value).sqrt();
+        let total = |error: ErrorSummary| (error.stated() + bias.value).sqrt();
         DenoisedReport {
             relative_error: error.map(|error| error.relative()),
             total_error: error.map(total),
@@ -377,7 +377,7 @@ impl Denoising {
         let Some(error) = self.error().copied() else { return false };
         if let (Some(time), None) = (stop.time, self.promise) {
             let left = elapsed.as_secs_f64() / time.as_secs_f64().max(elapsed.as_secs_f64());
-            let squared = error.squared.max(0.0) * left.powf(DENOISED_DECAY);
+            let squared = error.stated() * left.powf(DENOISED_DECAY);
             let said_after = elapsed.as_secs_f64();
             if squared > MAX_EXPECTED_SHARE * error.raw * left {
                 self.give_up();

@@ -111,9 +111,15 @@ impl Validation {
 }
 
 impl ErrorSummary {
-    /// Relative RMS error; 0 if noise hides it.
+    /// The squared error that is stated: where its own noise hides it, its standard error, but not
+    /// more than the squared error of the raw image.
+    pub fn stated(&self) -> f64 {
+        self.squared.max(self.standard_error.min(self.raw)).max(0.0)
+    }
+
+    /// Relative RMS error.
     pub fn relative(&self) -> f64 {
-        self.squared.max(0.0).sqrt()
+        self.stated().sqrt()
     }
 
     /// Upper bound of the squared error: the estimate plus this number of standard errors.
