@@ -25,6 +25,7 @@ mod interpolated_normals;
 mod klems;
 mod large_sites;
 mod layers;
+mod light_edges;
 mod light_visibility;
 mod lights;
 mod luminaires;

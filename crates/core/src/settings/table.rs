@@ -192,8 +192,7 @@ settings! {
     #[serde(deserialize_with = "read::medium_scale")]
     medium_scale: f64 as f64 = 2.0, check_medium_scale;
 
-    /// Share of the merges in media that are done, each with as much more weight. The others leave
-    /// time for more light paths.
+    /// Share of the merges in media that are done, each with as much more weight.
     #[serde(deserialize_with = "read::medium_share")]
     medium_share: f64 as f64 = 1.0, check_medium_share;
 

@@ -41,6 +41,9 @@ const FEW_ITERATIONS: f64 = 3.0;
 /// Time of an iteration of those images over that of its camera paths.
 const LONGEST_OVER_BASE: f64 = 4.0;
 
+/// Factor on the least squared error up to which counts are nearly as good.
+const NEARLY_AS_GOOD: f64 = 1.2;
+
 /// Shares of the merges in media are powers of 1/2 down to this one.
 const MOST_HALVINGS: i32 = 6;
 
@@ -100,10 +103,10 @@ impl Pilot<'_> {
                 false => vec![best.in_media.share],
             };
             let of_share = |share: f64| (0..=steps).map(move |step| at(share, count(step)));
-            let all = shares.into_iter().flat_map(of_share);
-            let rank = |own: &Best| own.rank(&self.demand) * too_long(&times, own, &self.demand);
-            let next = all.min_by(|one, other| rank(one).total_cmp(&rank(other)));
-            let next = Best { tried: best.tried, ..next.expect("there is a step") };
+            let rank =
+                |own: Best| (own.rank(&self.demand) * too_long(&times, &own, &self.demand), own);
+            let all = shares.into_iter().flat_map(of_share).map(rank);
+            let next = Best { tried: best.tried, ..most_photons(all.collect()) };
             let ratio = next.light_paths / timed;
             best = next;
             if (SAME_COUNT.recip()..SAME_COUNT).contains(&ratio) {
@@ -112,6 +115,20 @@ impl Pilot<'_> {
         }
         Ok(best)
     }
+}
+
+/// The best of all; where noise is visible, that with the most light paths of those that are nearly
+/// as good. Few of them draw discs and specks, whose noise short trials see too low.
+fn most_photons(mut ranked: Vec<(f64, Best)>) -> Best {
+    ranked.sort_by(|one, other| one.0.total_cmp(&other.0));
+    let (least, best) = ranked[0];
+    let near = if best.is_noise_visible() { NEARLY_AS_GOOD } else { 1.0 };
+    ranked.retain(|(rank, _)| *rank <= near * least);
+    // Of equal numbers, the first one has the least rank.
+    let more = |one: Best, (_, other): &(f64, Best)| {
+        if other.light_paths > one.light_paths { *other } else { one }
+    };
+    ranked.iter().fold(best, more)
 }
 
 /// Times at a number of light paths and a share of the merges, from those `known` at another pair:
@@ -174,6 +191,22 @@ mod tests {
         assert_eq!(quarter, Coefficients { a: 24.0, b: 4.75, f: 2.0 });
         assert_eq!(coefficients_at(&quarter, 0.25, 1.0), all);
         assert_eq!(coefficients_at(&all, 1.0, 1.0), all);
+    }
+
+    #[test]
+    fn most_light_paths_of_nearly_equal_counts_are_taken_where_noise_is_visible() {
+        let merged = Default::default();
+        let with = |noise: f64, light_paths: f64| {
+            let coefficients = Coefficients { a: 0.0, b: noise, f: 0.0 };
+            let demand = CandidateCost { light_paths: Some(light_paths), ..demand(End::Time(1.0)) };
+            demand.evaluate(&coefficients, &time(), &merged, [1.0; 2])
+        };
+        for (noise, expected) in [(1e-6, 100.0), (1e4, 300.0)] {
+            let all = [(1.0, 100.0), (1.1, 200.0), (1.15, 300.0), (1.3, 400.0)];
+            let all = all.map(|(rank, light_paths)| (rank, with(noise, light_paths)));
+            assert_eq!(all[0].1.is_noise_visible(), expected > 100.0);
+            assert_eq!(most_photons(all.to_vec()).light_paths, expected);
+        }
     }
 
     /// Camera paths of an iteration of these times take 5.1 ms.

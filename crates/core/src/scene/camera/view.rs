@@ -87,8 +87,8 @@ impl View {
         self.stride == 1.0
     }
 
-    /// The part of a segment in front of a pinhole camera of all pixels, from one point of the image
-    /// to another, pixels from its top left corner; `None` if all of it is behind.
+    /// The part of a segment in front of a pinhole camera of all pixels, from one point of the
+    /// image to another, pixels from its top left corner; `None` if all of it is behind.
     pub fn projected_segment(&self, ends: [Vec3; 2]) -> Option<[Vec2; 2]> {
         let [from, to] = ends.map(|end| self.in_image(end));
         let nearest = NEAREST * from.z.abs().max(to.z.abs());

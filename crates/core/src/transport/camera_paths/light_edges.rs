@@ -4,10 +4,10 @@
 //! the noise is which of both happens, since the source is far brighter than anything behind it.
 //! Several rays of each path tell what share of the pixel it covers: theory.md (42a).
 
-use super::{CameraPass, CameraPaths};
+use super::{CameraPass, CameraPathId, CameraPaths};
 use crate::accel::{Coherence, HitPacket, Intersect, Ray, RayPacket};
 use crate::base::math::Rgb;
-use crate::base::rng::Rng;
+use crate::base::rng::{Rng, camera_path_index};
 use crate::scene::{Emitter, Scene, Triangle, View};
 use crate::simd::LANES;
 use crate::transport::path_state::History;
@@ -80,10 +80,10 @@ impl LightEdges {
         for at in seen.collect::<Vec<_>>().into_iter().flatten() {
             own.mark(at, height);
         }
-        let marked: u32 = own.pixels.iter().map(|word| word.count_ones()).sum();
+        let marked: f64 = own.pixels.iter().map(|word| f64::from(word.count_ones())).sum();
         let affordable = MOST_RAYS * f64::from(width) * f64::from(height);
-        let side = SIDES.into_iter().find(|side| f64::from(side * side * marked) <= affordable)?;
-        (marked > 0).then_some(Self { side, ..own })
+        let side = SIDES.into_iter().find(|side| f64::from(side * side) * marked <= affordable)?;
+        (marked > 0.0).then_some(Self { side, ..own })
     }
 
     /// Marks the pixels within half a pixel of a point.
@@ -169,6 +169,16 @@ fn emissions<'a>(
 }
 
 impl CameraPaths {
+    /// Notes a new path of this number if its pixel is at an edge.
+    #[inline]
+    pub(super) fn note_light_edge(&mut self, pass: &CameraPass, id: CameraPathId, path: usize) {
+        if pass.light_edges.is_some_and(|edges| edges.includes(id.x, id.y)) {
+            let index = camera_path_index(id.y * pass.settings.width + id.x, id.index);
+            let (path, corner) = (path as u32, [id.x as f32, id.y as f32]);
+            self.edge_paths.push(EdgePath { path, corner, index });
+        }
+    }
+
     /// Adds the light sources that the new paths at their edges see straight. theory.md (42a)
     pub(super) fn add_light_edges(&mut self, pass: &CameraPass) {
         let Some(edges) = pass.light_edges.filter(|_| !pass.hides_lights) else { return };
@@ -185,9 +195,10 @@ impl CameraPaths {
         }
     }
 
-    /// Whether a path of the first segments is at an edge, so that surfaces that it hits are not
-    /// counted again.
-    pub(super) fn is_at_light_edge(&self, path: u32) -> bool {
-        self.edge_paths.binary_search_by_key(&path, |own| own.path).is_ok()
+    /// Whether emission of surfaces that a path hits counts: as [`Self::counts_hit`], but not again
+    /// on the first segment of a path at an edge.
+    pub(super) fn counts_surface(&self, pass: &CameraPass, path: u32, history: History) -> bool {
+        let is_at_edge = || self.edge_paths.binary_search_by_key(&path, |own| own.path).is_ok();
+        self.counts_hit(pass, history) && !is_at_edge()
     }
 }

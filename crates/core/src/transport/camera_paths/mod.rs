@@ -240,10 +240,7 @@ impl CameraPaths {
                 let pixel = id.y * pass.settings.width + id.x;
                 index[count] = camera_path_index(pixel, id.index);
                 (x[count], y[count]) = (id.x as f32, id.y as f32);
-                if pass.light_edges.is_some_and(|edges| edges.includes(id.x, id.y)) {
-                    let (path, corner) = ((started + count) as u32, [x[count], y[count]]);
-                    self.edge_paths.push(EdgePath { path, corner, index: index[count] });
-                }
+                self.note_light_edge(pass, id, started + count);
                 count += 1;
             }
             if count == 0 {
@@ -481,11 +478,6 @@ impl CameraPaths {
         let is_connected = history.is_start() && pass.scene.measures_irradiance();
         let is_hidden = pass.hides_lights && history.diffuse() == 0;
         (history.diffuse() == 0 || self.mis.is_some()) && !is_connected && !is_hidden
-    }
-
-    /// [`Self::counts_hit`] of surfaces that a path hits.
-    fn counts_surface(&self, pass: &CameraPass, path: u32, history: History) -> bool {
-        self.counts_hit(pass, history) && !self.is_at_light_edge(path)
     }
 
     /// [`Self::counts_hit`] of the environment. Meters are connected with it through slabs, too.

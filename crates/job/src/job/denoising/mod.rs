@@ -75,6 +75,9 @@ const MIN_NOISE_FOR_UNKNOWN_ERROR: f64 = 0.1;
 /// image.
 const MIN_TILES: usize = 4;
 
+/// Time of the error of a single run over that of the run.
+const SINGLE_SHARE: f64 = 0.15;
+
 /// Maximum time of denoising the final image after an interrupt. Systems that shut down and
 /// schedulers kill programs 10 s or more after they asked them to end.
 const AFTER_INTERRUPT: Duration = Duration::from_secs(5);
@@ -116,6 +119,17 @@ impl Effort {
             .into_iter()
             .flatten()
             .find(|effort| effort.runs(pixels) <= runs)
+    }
+
+    /// The only run that a short render of a large image has time for, with its error in as many
+    /// tiles as take little more; without its error if these are too few.
+    fn single(pixels: f64) -> Self {
+        let tile = f64::from(TILE * TILE);
+        let tiles = (SINGLE_SHARE * pixels / (DENOISE_FOLDS as f64 * tile)) as usize;
+        match tiles >= MIN_TILES {
+            true => Self { tiles: Some(tiles), ..FAST },
+            false => Self { folds: 0, ..FAST },
+        }
     }
 
     /// Effort for the checks of a target: four folds of a small image, or tiles of a large one.
@@ -205,7 +219,7 @@ impl Denoising {
                 let with_error = within(DENOISE_SHARE).filter(|effort| effort.folds > 0);
                 let most = with_error.or_else(|| within(SHORT_RENDER_SHARE));
                 // A short noisy render needs the denoiser more than any other.
-                most.unwrap_or(Effort { folds: 0, ..FAST })
+                most.unwrap_or(Effort::single(pixels))
             }
             None if stop.error.is_some() => Effort::of_check(pixels),
             None => FULL,
