@@ -79,7 +79,9 @@ impl Case {
     /// Pixels of little noise relative to their value, by a run of their own.
     fn region(&self, subject: Subject) -> Vec<usize> {
         let pilot = subject.rendered(Settings { seed: 1000, ..subject.settings.clone() }, 16);
-        let noise = |i: &usize| pilot.variance[*i] / pilot.mean[*i].powi(2).max(1e-30);
+        // Edges of lamps have little noise beside their own light, and most of that of the image.
+        let most = pilot.mean.iter().sum::<f64>() / pilot.mean.len() as f64;
+        let noise = |i: &usize| pilot.variance[*i] / pilot.mean[*i].min(most).powi(2).max(1e-30);
         let mut pixels: Vec<usize> = (0..pilot.mean.len()).collect();
         pixels.sort_by(|i, j| noise(i).total_cmp(&noise(j)));
         pixels.truncate((self.quiet * pixels.len() as f64).ceil() as usize);
