@@ -29,8 +29,8 @@ const LEAST_VISIBLE_SHARE: f64 = 1.25;
 const FEW_SPOTTED: f64 = 8.0;
 
 /// Factor on the noise of merging at the first vertex that a denoiser leaves, where noise is
-/// visible: it takes photons for texture. In `scenes/smoke` at 1920x1080, 15 % were left of a
-/// predicted 21 %, and 6 and 9 % of 37 and 25 % with merging at the second vertex, whose few bright
+/// visible: it takes photons for texture. In `scenes/smoke` at 1920x1080, 21 % were predicted and
+/// 15 % left. Merging at the second vertex left 6 and 9 % of predicted 37 and 25 %: its few bright
 /// pixels vanish.
 const TEXTURE: f64 = 4.0;
 
