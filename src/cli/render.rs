@@ -5,7 +5,7 @@ use super::image_file_args::{ImageFileArgs, image_name};
 use super::interrupts::catch_interrupts;
 use super::layers::layer_parser;
 use super::progress::Progress;
-use super::render_files::{Outputs, WRITE_PIXEL};
+use super::render_files::{ENLARGED, Outputs, WRITE_ENLARGED_PIXEL, WRITE_PIXEL};
 use super::render_observer::RenderObserver;
 use super::scene_input::{SceneInput, SessionArgs};
 use super::settings_args::{OBJECTIVE, with_chosen_default, with_conflicts, word};
@@ -148,6 +148,8 @@ fn render(args: &Args, ranks: &dyn Ranks) -> Result<Output> {
         say(&format!("note: the preview is {preview}, since {} is not a preview", other.display()));
     }
     let job = args.job(&input, start, times).started(start_time).reserve_per_pixel(WRITE_PIXEL);
+    let is_picture = args.layers.is_empty() && args.checkpoint.is_none();
+    let job = job.fewer_pixels(is_picture.then_some(WRITE_ENLARGED_PIXEL));
     if args.dry_run {
         let outline = job.outline_on(ranks)?;
         if let Some(warning) = outline.warning.as_deref().filter(|_| !args.session.quiet) {
@@ -219,6 +221,13 @@ impl Args {
         let plan = Plan::read_from(&image).map_err(|e| e.at(path))?;
         let mut provenance = Provenance::from_metadata(&image.metadata).map_err(|e| e.at(path))?;
         let Settings { width, height, .. } = provenance.settings;
+        if image.metadata.contains_key(ENLARGED) {
+            return Err(Error::new(
+                format!("the image was enlarged from {width}x{height} pixels, and has no plan"),
+                "render it with more time, or with `--layers all`",
+            )
+            .at(path));
+        }
         if (image.width, image.height) != (width, height) {
             let size = format!("{}x{}", image.width, image.height);
             return Err(Error::new(

@@ -17,6 +17,7 @@ use bdpm::job::{AuditReport, RelativeError, RenderState, Verdict};
 use bdpm::light::false_color::{ColorScale, FalseColorMap, ValueGrid};
 use bdpm::output::denoise;
 use bdpm::output::denoise::Denoised;
+use bdpm::output::enlarge;
 use bdpm::output::layers::{LayerName, LayerSelection};
 use bdpm::output::recorded_camera::record;
 use bdpm::output::recorded_error::{RecordedDenoisedError, RecordedError, record_pooled_rms};
@@ -39,7 +40,10 @@ const FIRST_WRITE: Duration = Duration::from_secs(10);
 const WRITE_SHARE: u32 = 50;
 
 /// Time to write a pixel, assumed until a measurement replaces it.
-pub const WRITE_PIXEL: Duration = Duration::from_nanos(600);
+pub const WRITE_PIXEL: Duration = Duration::from_nanos(750);
+
+/// Time to write a pixel of an enlarged picture, which has no layers.
+pub const WRITE_ENLARGED_PIXEL: Duration = Duration::from_nanos(220);
 
 /// Time to write a pixel of a checkpoint, assumed until a measurement replaces it.
 const CHECKPOINT_PIXEL: Duration = Duration::from_nanos(800);
@@ -59,6 +63,9 @@ pub struct StatedErrors {
     /// Error of the layer `denoised`.
     pub denoised: Option<RecordedDenoisedError>,
 }
+
+/// Attribute of an enlarged picture: the size that was rendered.
+pub const ENLARGED: &str = "enlarged from";
 
 /// Files to write.
 pub struct Outputs {
@@ -245,8 +252,39 @@ impl Writer {
             }
             record(state.camera(), &mut facts);
             record_gamut(state.renderer.scene_and_accel().0, &mut facts);
-            self.save((&state.provenance, facts), sums, shown, attempts);
+            match state.full_size {
+                None => self.save((&state.provenance, facts), sums, shown, attempts),
+                Some(full) => self.save_enlarged((state, facts), (shown.0, full), attempts),
+            }
         });
+    }
+
+    /// Writes the picture of an image with too few pixels, enlarged to the size that was asked for.
+    /// Layers, noise and path counts are those of other pixels, and left out.
+    fn save_enlarged(
+        &mut self,
+        (state, facts): (&RenderState, Metadata),
+        (shown, full): (&[Rgb], (u32, u32)),
+        attempts: &mut Attempts,
+    ) {
+        let start = Instant::now();
+        let (width, height) = state.provenance.settings.resolution();
+        let mut metadata = state.provenance.to_metadata();
+        metadata.extend(facts);
+        metadata.insert(ENLARGED.into(), Value::Text(format!("{width}x{height}")));
+        self.add_luminance_unit(&mut metadata);
+        let picture = enlarge(shown, (width, height), full);
+        let image = Image { width: full.0, height: full.1, layers: Vec::new(), metadata };
+        let rows = |rows: Range<u32>| {
+            let [first, end] = [rows.start, rows.end].map(|row| (row * full.0) as usize);
+            let mut layers = vec![Layer::rgb("", &picture[first..end])];
+            if self.outputs.false_color.is_some() {
+                layers.push(luminance_layer(&picture[first..end]));
+            }
+            layers
+        };
+        self.write_files((&image, &rows), &picture, self.exr_format, attempts);
+        self.time += start.elapsed();
     }
 
     /// Writes an image and its preview, with facts that do not follow from its sums. A merged image
@@ -278,32 +316,49 @@ impl Writer {
         if let Some((variance, _)) = combined.pooled_variance() {
             record_pooled_rms(&mut metadata, variance.sqrt());
         }
-        if self.outputs.false_color.is_some() {
-            let efficacy = Value::Number(f64::from(LUMENS_PER_WATT));
-            metadata.insert("luminance unit".into(), Value::Text("cd/m2".into()));
-            metadata.insert("luminance in lumens per watt".into(), efficacy);
-        }
+        self.add_luminance_unit(&mut metadata);
         let layers = denoised.into_iter().flat_map(denoise::layers).collect();
         let mut image = Image { width, height, layers, metadata };
         Plan::of_blocks(combined.blocks(), combined.weights()).write_to(&mut image);
         let crop = provenance.settings.crop;
         let window = crop.map(|Crop { origin, full }| DisplayWindow { origin, size: full });
         let format = ExrFormat { window, ..self.exr_format };
-        let Outputs { exr, png, false_color, .. } = &self.outputs;
         // The picture is what other programs show of the file.
         let picture = denoised.filter(|own| !own.is_raw).map(|_| preview);
         let rows = |rows| self.rows(sums, picture, rows);
+        self.write_files((&image, &rows), preview, format, attempts);
+        self.time += start.elapsed();
+    }
+
+    /// Writes an image whose `rows` are computed, its preview, and its luminance in false colors.
+    fn write_files(
+        &self,
+        (image, rows): (&Image, &(dyn Fn(Range<u32>) -> Vec<Layer> + Sync)),
+        preview: &[Rgb],
+        format: ExrFormat,
+        attempts: &mut Attempts,
+    ) {
+        let Outputs { exr, png, false_color, .. } = &self.outputs;
+        let size = (image.width, image.height);
         // The encoder of the preview has a single thread.
         let (written, shown) = rayon::join(
-            || image_io::write_exr_rows(exr, &image, &rows, format),
-            || image_io::write_png_as(png, (width, height), preview, self.tone_mapping),
+            || image_io::write_exr_rows(exr, image, rows, format),
+            || image_io::write_png_as(png, size, preview, self.tone_mapping),
         );
         attempts.add(exr, || written);
         attempts.add(png, || shown);
         if let Some(path) = false_color {
-            attempts.add(path, || write_luminance(path, (width, height), preview));
+            attempts.add(path, || write_luminance(path, size, preview));
         }
-        self.time += start.elapsed();
+    }
+
+    /// The unit of the layer `luminance`, if the image has it.
+    fn add_luminance_unit(&self, metadata: &mut Metadata) {
+        if self.outputs.false_color.is_some() {
+            let efficacy = Value::Number(f64::from(LUMENS_PER_WATT));
+            metadata.insert("luminance unit".into(), Value::Text("cd/m2".into()));
+            metadata.insert("luminance in lumens per watt".into(), efficacy);
+        }
     }
 
     /// Some rows of the image and of the layers that are computed from its sums. A denoised
@@ -324,9 +379,7 @@ impl Writer {
         }
         layers.extend(self.layers.layers(shared, combined, rows, &pixels));
         if self.outputs.false_color.is_some() {
-            let shown = picture.unwrap_or(&pixels);
-            let values = shown.iter().map(|pixel| LUMENS_PER_WATT * luminance(*pixel)).collect();
-            layers.push(Layer { name: "luminance".into(), channels: vec![("Y".into(), values)] });
+            layers.push(luminance_layer(picture.unwrap_or(&pixels)));
         }
         layers
     }
@@ -370,6 +423,12 @@ impl Writer {
             Ok(exr + whole_time(preview(rows)?, fixed, (rows, height)))
         })
     }
+}
+
+/// The luminance of pixels, cd/m^2.
+fn luminance_layer(pixels: &[Rgb]) -> Layer {
+    let values = pixels.iter().map(|pixel| LUMENS_PER_WATT * luminance(*pixel)).collect();
+    Layer { name: "luminance".into(), channels: vec![("Y".into(), values)] }
 }
 
 /// Writes the luminance of pixels in false colors with a legend, cd/m^2, on a logarithmic scale.

@@ -89,7 +89,9 @@ impl<'a> RenderObserver<'a> {
         let name = self.args.output().to_string_lossy().into_owned();
         let target = self.args.view.as_ref();
         self.view = target.map(|target| View::new(target, &name, &self.progress));
-        let (pixels, time) = (state.provenance.settings.pixels(), state.stop.time);
+        // Of an enlarged picture, no part tells the time of the whole.
+        let time = state.stop.time.filter(|_| state.full_size.is_none());
+        let pixels = state.provenance.settings.pixels();
         self.schedule = Some(FileSchedule::new(pixels, time, self.args.checkpoint_every));
         self.progress.start();
     }

@@ -57,6 +57,8 @@ pub struct RenderReport<'a> {
     pub audit: Option<&'a AuditReport>,
     /// Why there is no audit, if the scene is the reason.
     pub without_audit: Option<&'static str>,
+    /// Size of the image that was rendered, if the picture in the files is larger.
+    pub enlarged_from: Option<[u32; 2]>,
     pub exr: String,
     pub png: String,
     pub noise: Option<String>,
@@ -90,6 +92,7 @@ impl<'a> RenderReport<'a> {
             narrow_beam: result.narrow_beam.clone(),
             audit: result.audit.as_ref(),
             without_audit: reason_without_audit(result),
+            enlarged_from: state.full_size.map(|_| state.provenance.settings.resolution().into()),
             exr: name(&writer.outputs.exr),
             png: name(&writer.outputs.png),
             noise: args.noise.as_deref().map(name),
@@ -194,11 +197,12 @@ pub fn text(report: &RenderReport, is_verbose: bool) -> String {
     };
     let iterations = if run.iterations == 1 { "iteration" } else { "iterations" };
     let mut text = format!(
-        "{} and {}: {} {iterations} in {}{stopped}\n",
+        "{} and {}: {} {iterations} in {}{stopped}{}\n",
         report.exr,
         report.png,
         run.iterations,
         human_time(run.seconds.total),
+        report.enlarged_from.map_or(String::new(), |[w, h]| format!(", enlarged from {w}x{h}")),
     );
     text += &error(report);
     text += &report.denoised.as_ref().map_or(String::new(), denoised);

@@ -7,6 +7,7 @@ use super::error_interval::ErrorInterval;
 use super::stopping::{Convergence, Stop, importance};
 use crate::timing::TimeModel;
 use bdpm_core::base::error::Error;
+use bdpm_core::film::cells::CellGrid;
 use bdpm_core::noise::Measure;
 use bdpm_core::noise::film::BatchGrain;
 use bdpm_core::noise::schedule::{MEASURE_EVERY, MeasureSchedule};
@@ -14,7 +15,7 @@ use bdpm_core::render::Renderer;
 use bdpm_core::render::block::{self, Block};
 use bdpm_core::render::max_blocks;
 use serde::{Deserialize, Serialize};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Before the first choice of counts, every second iteration is measured. The times of the
 /// iterations come from the others.
@@ -31,6 +32,13 @@ const FEWEST_FIRST_ITERATIONS: u64 = 3;
 
 /// Share of the time after which the first counts are chosen after [`FEWEST_FIRST_ITERATIONS`].
 const FIRST_CHOICE_SHARE: f64 = 0.2;
+
+/// Time of a choice for each cell of statistics, with that of the estimates that a second block
+/// adds, seconds: .5 s for 520,000 on two cores, with a margin.
+const CHOICE_TIME: f64 = 1e-6;
+
+/// Maximum share of a choice in the time that is left.
+const MOST_CHOOSING: f64 = 0.2;
 
 /// Share of the time after which counts are not chosen again, so that the promise has iterations to
 /// rest on.
@@ -221,7 +229,11 @@ impl Autopilot {
         if iterations < first {
             return false;
         }
-        let Some(next_choice) = self.state.next_choice else { return true };
+        let Some(next_choice) = self.state.next_choice else {
+            let cells = CellGrid::of(renderer.settings().resolution()).len() as f64;
+            let left = |time: Duration| time.as_secs_f64() - elapsed;
+            return stop.time.is_none_or(|time| CHOICE_TIME * cells < MOST_CHOOSING * left(time));
+        };
         let is_due = is_after(PROMISE_SHARE) || is_doubled(iterations, first);
         if self.state.promise.is_none() && is_due {
             self.state.promise = self.make_promise(renderer, stop, elapsed);

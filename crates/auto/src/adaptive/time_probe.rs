@@ -10,11 +10,14 @@ use bdpm_core::film::counts::Counts;
 use bdpm_core::noise::Measure;
 use bdpm_core::render::Renderer;
 use bdpm_core::scene::Scene;
-use bdpm_core::settings::{Kernel, Settings};
+use bdpm_core::settings::{Kernel, Settings, Strategy};
 use std::sync::Arc;
 
 /// Approximate side of the sample, pixels.
 const SAMPLE_SIDE: u32 = 32;
+
+/// The same where only camera paths are timed, whose waves are then full.
+const PATH_SAMPLE_SIDE: u32 = 64;
 
 /// Maximum number of light paths.
 const MAX_LIGHT_PATHS: u32 = 16_384;
@@ -36,18 +39,10 @@ pub fn min_times(
     accel: &Arc<dyn Intersect>,
     settings: &Settings,
 ) -> Result<TimeModel> {
-    let stride = (settings.width.min(settings.height) / SAMPLE_SIDE).max(1);
     let many = settings.light_paths.clamp(COUNT_RATIO, MAX_LIGHT_PATHS);
     let few = many / COUNT_RATIO;
-    let sample_settings = Settings {
-        light_paths: few,
-        camera_paths: 1,
-        kernel: Kernel::Disc,
-        sobol_set: 1,
-        ..settings.clone()
-    };
-    let mut renderer =
-        Renderer::new(scene, accel, sample_settings.clone())?.sample(sample_settings, stride)?;
+    let settings = Settings { light_paths: few, ..settings.clone() };
+    let mut renderer = sample(scene, accel, &settings, SAMPLE_SIDE)?;
     renderer.iterate(Measure::Off);
     let mut recorder = Recorder::new(rayon::current_num_threads());
     for (light_paths, camera_paths) in [(few, 1), (many, 1), (few, COUNT_RATIO)] {
@@ -63,4 +58,34 @@ pub fn min_times(
     let sampled = f64::from(*width) * f64::from(*height);
     let model = fit(&samples, sampled)?.model;
     Ok(TimeModel { pixels: settings.pixels() as f64, ..model })
+}
+
+/// Approximate lower bound of the time of an iteration of path tracing with one path per pixel,
+/// seconds.
+///
+/// # Errors
+/// As [`Renderer::new`].
+pub fn path_time(
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn Intersect>,
+    settings: &Settings,
+) -> Result<f64> {
+    let paths = Settings { strategy: Strategy::Path, ..settings.clone() };
+    let mut renderer = sample(scene, accel, &paths, PATH_SAMPLE_SIDE)?;
+    let times = [(); 3].map(|()| renderer.iterate(Measure::Off).times.wall.as_secs_f64());
+    let fastest = times.into_iter().fold(f64::INFINITY, f64::min);
+    Ok(fastest * settings.pixels() as f64 / renderer.settings().pixels() as f64)
+}
+
+/// A renderer of one camera path in some pixels, about `side` by `side` of a square image.
+fn sample(
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn Intersect>,
+    settings: &Settings,
+    side: u32,
+) -> Result<Renderer> {
+    let stride = (settings.width.min(settings.height) / side).max(1);
+    let settings =
+        Settings { camera_paths: 1, kernel: Kernel::Disc, sobol_set: 1, ..settings.clone() };
+    Renderer::new(scene, accel, settings.clone())?.sample(settings, stride)
 }

@@ -44,6 +44,7 @@ impl RenderJob {
             reserve_per_pixel: Duration::ZERO,
             started: None,
             min_iterations: 1,
+            reserve_per_enlarged_pixel: None,
             fewer_paths: [false; 2],
             schedule: MeasureSchedule::default(),
             pixel_noise: false,
@@ -160,6 +161,14 @@ impl RenderJob {
     #[must_use]
     pub fn fewer_paths(self, light: bool, camera: bool) -> Self {
         Self { fewer_paths: [light, camera], ..self }
+    }
+
+    /// Renders fewer pixels than the settings have, where the time is too short for all of them.
+    /// The caller enlarges the image to [`RenderState::full_size`](super::RenderState::full_size).
+    /// This `reserve` for each pixel of that size takes the place of [`Self::reserve_per_pixel`].
+    #[must_use]
+    pub fn fewer_pixels(self, reserve: Option<Duration>) -> Self {
+        Self { reserve_per_enlarged_pixel: reserve, ..self }
     }
 
     /// Accumulates these layers beside the image.

@@ -18,9 +18,9 @@ impl RenderJob {
         self.denoise != Denoise::Never
     }
 
-    /// Whether an image may be denoised that nobody asked to denoise: what its samples tell is not
-    /// asked for, and a time ends the render.
-    pub(super) fn may_denoise(&self, scene: &Scene) -> bool {
+    /// Whether the job renders a picture in a given time: nobody asks for what its samples tell.
+    /// Such an image may be denoised, or rendered with fewer pixels.
+    pub(super) fn is_timed_picture(&self, scene: &Scene) -> bool {
         let Stop { iterations, time, target, error, .. } = self.stop;
         let is_timed =
             time.is_some() && iterations.is_none() && target.is_none() && error.is_none();

@@ -8,7 +8,7 @@ use super::shard::ShardIterations;
 use super::state::RenderState;
 use super::status::{Exchanged, Status, Totals};
 use super::{Denoising, Event, Prepared, RenderJob, RenderResult, Start};
-use super::{check_time, iterate, near_layers, pilot_end};
+use super::{check_time, iterate, near_layers, pilot_end, reduced_size};
 use crate::mpi::Ranks;
 use bdpm_auto::adaptive::stopping::Stop;
 use bdpm_auto::adaptive::technique;
@@ -48,6 +48,8 @@ struct Run {
     config: RenderConfig,
     selection: Option<Selection>,
     alternatives: Option<Alternatives>,
+    /// Width and height that were asked for, if the image has fewer pixels.
+    full_size: Option<(u32, u32)>,
 }
 
 impl RenderJob {
@@ -67,7 +69,11 @@ impl RenderJob {
         if let Some(leader) = leader {
             leader.check_workers(&prepared.provenance)?;
         }
-        let mut run = self.planned_run(prepared, ranks)?;
+        let mut run = self.planned_run(prepared, ranks, start)?;
+        if let (Some(full), Some(time)) = (run.full_size, self.stop.time) {
+            let size = run.prepared.provenance.settings.resolution();
+            let _ = observer(Event::Warning(reduced_size::warning(time, size, full)));
+        }
         let mut renderer = self.first_renderer(&mut run, observer)?;
         if run.is_automatic && matches!(self.start, Start::New) {
             renderer = self.choose(&mut run, renderer, leader.is_none(), observer)?;
@@ -78,7 +84,12 @@ impl RenderJob {
     }
 
     /// Divides the time, and checks what needs no renderer.
-    fn planned_run(&mut self, prepared: Prepared, ranks: &dyn Ranks) -> Result<Run> {
+    fn planned_run(
+        &mut self,
+        mut prepared: Prepared,
+        ranks: &dyn Ranks,
+        start: Instant,
+    ) -> Result<Run> {
         let Prepared { scene, threads, provenance, .. } = &prepared;
         let settings = &provenance.settings;
         let mut stop = self.stop_with_default();
@@ -88,7 +99,7 @@ impl RenderJob {
             stop.iterations = Some(iterations.assigned.count());
         }
         let (mut denoising, mut without_denoiser) = (None, None);
-        if self.denoise == Denoise::IfNoisy && !self.may_denoise(scene) {
+        if self.denoise == Denoise::IfNoisy && !self.is_timed_picture(scene) {
             self.denoise = Denoise::Never;
         }
         if self.denoises() {
@@ -108,7 +119,13 @@ impl RenderJob {
                 }
             }
         }
-        let reserve = self.reserve_per_pixel * settings.pixels() as u32;
+        let pixels = settings.pixels();
+        // Workers render the size that they were started with.
+        let full_size = match ranks.count() {
+            1 => self.reduce_size(&mut prepared, &mut denoising, start)?,
+            _ => None,
+        };
+        let reserve = self.reserve(pixels, full_size.is_some());
         if let Some(time) = &mut stop.time {
             let denoising = denoising.as_ref().map_or(Duration::ZERO, Denoising::reserve);
             // Half of a time that the denoiser alone would take is left for the image.
@@ -126,6 +143,7 @@ impl RenderJob {
             config: RenderConfig { ranks: ranks.count(), ..RenderConfig::default() },
             selection: None,
             alternatives: None,
+            full_size,
         })
     }
 
@@ -257,6 +275,7 @@ impl RenderJob {
             denoising: run.denoising,
             audit: audit.flatten().map(|audit| audit.resumed(earlier.as_ref())),
             has_warned_of_audit: false,
+            full_size: run.full_size,
             sharded: iterations.map(|iterations| iterations.sharded),
             regions,
             totals: Totals::default(),

@@ -18,6 +18,7 @@ mod lead;
 mod leader;
 mod near_layers;
 mod outline;
+mod reduced_size;
 mod restart;
 mod result;
 mod run_clock;
@@ -121,6 +122,8 @@ pub struct RenderJob {
     reserve_per_pixel: Duration,
     started: Option<Instant>,
     min_iterations: u64,
+    /// Reserve for each pixel of an enlarged picture, if the image may have fewer pixels.
+    reserve_per_enlarged_pixel: Option<Duration>,
     fewer_paths: [bool; 2], // of light and camera, where the time is too short for those of the settings
     schedule: MeasureSchedule,
     pixel_noise: bool,

@@ -85,6 +85,9 @@ pub struct RenderState {
     pub exchanged: Exchanged,
     /// Rendering time of earlier runs, seconds.
     pub earlier: f64,
+    /// Width and height that were asked for, if the time did not suffice for all of these pixels.
+    /// The caller [enlarges](crate::output::enlarge) the image.
+    pub full_size: Option<(u32, u32)>,
     /// Size of the whole image, if this job renders a shard.
     pub sharded: Option<ShardedImage>,
     /// The scene's named regions, for files.
@@ -315,7 +318,7 @@ impl RenderState {
         }
         let mean = match done {
             // The first ones compute areas and measure, and later ones may do neither.
-            1..FEW_ITERATIONS => self.next_iteration() / f64::from(self.exchanged.ranks),
+            1..FEW_ITERATIONS => self.next_iteration(done) / f64::from(self.exchanged.ranks),
             _ => self.clock.rendering_time() / done.max(1) as f64,
         };
         let (blocks, elapsed) = (self.renderer.blocks().len(), self.elapsed().as_secs_f64());
@@ -334,16 +337,19 @@ impl RenderState {
         is_over.then_some(StoppedBy::Time)
     }
 
-    /// Time of the next of few iterations, seconds: the latest one, or what the pilot predicts if
-    /// that is less.
-    fn next_iteration(&self) -> f64 {
+    /// Time of the next of few iterations, seconds: the latest one. The first one has started up,
+    /// and was measured: after it, what the pilot predicts, but at least half as much.
+    fn next_iteration(&self, done: u64) -> f64 {
         let latest = self.clock.latest_iteration;
         let Counts { light_paths, camera_paths } = &self.renderer.block().counts;
         let predicted = self.selection.as_ref().map_or(f64::INFINITY, |selection| {
             let times = selection.best().times;
             TIME_MARGIN * times.iteration((*light_paths).into(), camera_paths.mean())
         });
-        latest.min(predicted)
+        match done {
+            1 => predicted.clamp(0.5 * latest, latest),
+            _ => latest,
+        }
     }
 
     /// Estimates the error of the denoised image if that is due. Returns the error, and true if it

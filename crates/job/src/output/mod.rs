@@ -2,8 +2,11 @@
 
 pub mod checkpoint;
 pub mod denoise;
+mod enlarge;
 pub mod layers;
 pub mod merge;
 pub mod recorded_camera;
 pub mod recorded_gamut;
 pub mod recorded_error;
+
+pub use enlarge::enlarge;

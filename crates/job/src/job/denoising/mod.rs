@@ -156,6 +156,8 @@ pub struct Denoising {
     oidn: Mutex<Oidn>,
     size: (u32, u32),
     effort: Effort,
+    /// Time of a pixel of a small image in a run of [`Quality::Fast`], seconds.
+    pixel_time: f64,
     /// Time of a run of [`Quality::Fast`] on the whole image.
     run_time: Duration,
     /// Time of the runs at the end, which is reserved from the given time.
@@ -192,9 +194,8 @@ impl Denoising {
         let mut oidn = Oidn::new(threads)?.interrupted_by(Arc::clone(&interrupt));
         oidn.set_quality(Quality::Fast);
         let small = (size.0.min(TIMED_SIDE), size.1.min(TIMED_SIDE));
-        let [pixels, small_pixels] =
-            [size, small].map(|(width, height)| f64::from(width) * f64::from(height));
-        let gray = vec![Rgb::splat(0.5); small_pixels as usize];
+        let small_pixels = small.0 as usize * small.1 as usize;
+        let gray = vec![Rgb::splat(0.5); small_pixels];
         let guides = Guides { albedo: gray.clone(), normal: gray.clone(), clean: true };
         let mut timed_run = || {
             let start = Instant::now();
@@ -206,14 +207,35 @@ impl Denoising {
         };
         // The first run also reads the library's weights.
         timed_run()?;
+        let pixel_time = timed_run()?.min(timed_run()?).as_secs_f64() / small_pixels as f64;
+        let new = Self {
+            oidn: Mutex::new(oidn),
+            size,
+            effort: FULL,
+            pixel_time,
+            run_time: Duration::ZERO,
+            reserve: Duration::ZERO,
+            interrupt,
+            is_interrupted: false,
+            is_given_up: false,
+            time: start.elapsed(),
+            next_check: Duration::ZERO,
+            latest: None,
+            iterations: 0,
+            promise: None,
+        };
+        Ok(new.for_size(size, stop))
+    }
+
+    /// The same denoiser for an image of this `size`.
+    pub fn for_size(mut self, size: (u32, u32), stop: &Stop) -> Self {
+        let pixels = f64::from(size.0) * f64::from(size.1);
         let factor = if pixels > DIVIDED_PIXELS { DIVIDED_FACTOR } else { 1.0 };
-        let factor = TIME_MARGIN * factor * pixels / small_pixels;
-        let run_time = timed_run()?.min(timed_run()?).mul_f64(factor);
-        let time = start.elapsed();
+        let run_time = Duration::from_secs_f64(TIME_MARGIN * factor * pixels * self.pixel_time);
         let effort = match stop.time {
             Some(limit) => {
                 let within = |share: f64| {
-                    let allowed = limit.mul_f64(share).saturating_sub(time);
+                    let allowed = limit.mul_f64(share).saturating_sub(self.time);
                     Effort::within(allowed.div_duration_f64(run_time), pixels)
                 };
                 let with_error = within(DENOISE_SHARE).filter(|effort| effort.folds > 0);
@@ -224,22 +246,15 @@ impl Denoising {
             None if stop.error.is_some() => Effort::of_check(pixels),
             None => FULL,
         };
+        let oidn = self.oidn.get_mut().unwrap_or_else(PoisonError::into_inner);
         oidn.set_quality(effort.quality);
-        Ok(Self {
-            oidn: Mutex::new(oidn),
-            size,
-            effort,
-            run_time,
-            reserve: run_time.mul_f64(effort.runs(pixels)),
-            interrupt,
-            is_interrupted: false,
-            is_given_up: false,
-            time,
-            next_check: Duration::ZERO,
-            latest: None,
-            iterations: 0,
-            promise: None,
-        })
+        let reserve = run_time.mul_f64(effort.runs(pixels));
+        Self { size, effort, run_time, reserve, ..self }
+    }
+
+    /// Time of a pixel in a run of [`Quality::Fast`], seconds.
+    pub fn pixel_time(&self) -> f64 {
+        TIME_MARGIN * self.pixel_time
     }
 
     /// Returns true if denoising can pay at this relative RMS noise, which is predicted for the end
