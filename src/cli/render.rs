@@ -81,7 +81,7 @@ pub struct Args {
     /// Leave the noise in the image
     #[arg(long, conflicts_with = "denoise")]
     no_denoise: bool,
-    /// Add these layers to the image file [default: all]
+    /// Add these layers to the image file [default: all, none if the time is too short for all pixels]
     #[arg(long, value_name = "LAYER", value_delimiter = ',', value_parser = layer_parser())]
     pub layers: Vec<LayerName>,
     /// Write the noise coefficients to this file, for `predict`

@@ -5,6 +5,7 @@ mod automatic;
 mod combinations;
 mod daylight;
 mod denoise;
+mod enlarged;
 mod glare;
 mod goniometer;
 mod image_info;

@@ -50,7 +50,8 @@ fn spread(radiance: &[Rgb], [one, other]: [&[f32]; 2], size: (u32, u32)) -> Vec<
     let around = squares.means(&common, BOX_RADIUS / SIDE);
     let kept = |index: usize| {
         let [one, other] = near[index];
-        let most = RARE * (common[index] + around[squares.of(index)]);
+        // Sums that run over black pixels may end below 0.
+        let most = (RARE * (common[index] + around[squares.of(index)])).max(0.0);
         let own = luminance(radiance[index].as_dvec3());
         if one.max(other) > most && own > most { (most / own) as f32 } else { 1.0 }
     };
@@ -186,6 +187,23 @@ mod tests {
             assert!(most(&mean) > 50.0 && most(&spread) < 15.0, "{}", most(&spread));
             assert!((sum(&mean) / sum(&spread) - 1.0).abs() < 1e-4);
         }
+    }
+
+    /// The sums that run from a bright part into a black one have rounding errors of either sign.
+    #[test]
+    fn black_pixels_stay_black_and_finite() {
+        let noise = halves(|_, _| [0.0; 2]);
+        let own = noise.map(|half| {
+            let value = |(index, value): (usize, &f32)| match index as u32 % SIZE.0 {
+                0..30 if index % 7 == 0 => 1e4 * value,
+                0..30 => *value,
+                _ => 0.0,
+            };
+            half.iter().enumerate().map(value).collect::<Vec<f32>>()
+        });
+        let (mean, spread) = spread_mean(&own);
+        assert!(spread.iter().all(|pixel| pixel.is_finite()));
+        assert!((sum(&mean) / sum(&spread) - 1.0).abs() < 1e-4);
     }
 
     #[test]
