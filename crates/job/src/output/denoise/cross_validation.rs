@@ -1,8 +1,8 @@
 //! The error of a denoised image, by leaving folds of the iterations out
 //! (docs/explanation/denoising.md).
 
-use super::folded_image::denoise_around;
 use super::pooling::boxes;
+use super::seen_lights::denoise_around;
 use super::standard_error::ProductSums;
 use super::window::{SampledTile, Window};
 use super::{BOX_RADIUS, FoldedImage, Mix};

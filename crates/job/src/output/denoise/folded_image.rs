@@ -1,7 +1,7 @@
 //! The image of each fold of the iterations, and of all other folds. The guides of the denoiser.
 
+use super::seen_lights::isolated_lights;
 use super::window::Window;
-use bdpm_core::base::error::Result;
 use bdpm_core::base::math::Rgb;
 use bdpm_core::film::features::FeatureFolds;
 use bdpm_core::film::folds::DENOISE_FOLDS;
@@ -79,7 +79,7 @@ pub struct FoldedImage<'a> {
 }
 
 /// Sums over the weighted blocks of an image, in a window, times a scale.
-fn sums(
+pub(super) fn sums(
     image: &CombinedImage,
     window: Window,
     scale: f64,
@@ -97,41 +97,6 @@ fn sums(
         }
     });
     sums
-}
-
-/// Mean emission that pixels see in a window, over the iterations of the [`DENOISE_FOLDS`] folds
-/// for which `takes` returns true; empty if it is not kept.
-pub fn seen_lights(
-    image: &CombinedImage,
-    window: Window,
-    takes: impl Fn(usize) -> bool + Sync,
-) -> Vec<Rgb> {
-    let mut iterations = 0.0;
-    for (block, weight) in image.blocks().iter().zip(image.weights()) {
-        let Some(seen) = &block.statistics.seen_lights else { return vec![] };
-        let taken = seen.iterations().iter().enumerate().filter(|(fold, _)| takes(*fold));
-        iterations += weight * taken.map(|(_, count)| *count as f64).sum::<f64>();
-    }
-    let sums = sums(image, window, iterations.recip(), |block, at| {
-        let seen = block.statistics.seen_lights.as_ref().expect("kept");
-        let taken = seen.at(at).enumerate().filter(|(fold, _)| takes(*fold));
-        taken.map(|(_, seen)| seen.radiance().as_dvec3()).sum()
-    });
-    sums.iter().map(|sum| sum.as_vec3()).collect()
-}
-
-/// Denoises radiance without the light sources that pixels see, and adds these.
-pub fn denoise_around(
-    seen: &[Rgb],
-    radiance: &[Rgb],
-    denoise: impl FnOnce(&[Rgb]) -> Result<Vec<Rgb>>,
-) -> Result<Vec<Rgb>> {
-    if seen.is_empty() {
-        return denoise(radiance);
-    }
-    let rest = radiance.iter().zip(seen).map(|(all, seen)| *all - *seen);
-    let denoised = denoise(&rest.collect::<Vec<Rgb>>())?;
-    Ok(denoised.iter().zip(seen).map(|(denoised, seen)| *denoised + *seen).collect())
 }
 
 impl<'a> FoldedImage<'a> {
@@ -204,9 +169,9 @@ impl<'a> FoldedImage<'a> {
         self.mean(window, |f| f % self.n != fold).iter().map(|value| value.as_vec3()).collect()
     }
 
-    /// Light sources that pixels see in all other folds in a window, row by row.
+    /// Isolated light sources that pixels see in all other folds in a window, row by row.
     pub fn seen_without(&self, window: Window, fold: usize) -> Vec<Rgb> {
-        seen_lights(self.image, window, |f| f % self.n != fold)
+        isolated_lights(self.image, window, |f| f % self.n != fold)
     }
 
     fn luminance(&self, window: Window, takes: impl Fn(usize) -> bool + Sync) -> Vec<f32> {

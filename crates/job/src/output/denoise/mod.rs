@@ -11,15 +11,17 @@ mod mix;
 mod pooling;
 mod rare_light;
 mod sample;
+mod seen_lights;
 mod standard_error;
 mod window;
 #[allow(unsafe_code)] // with a SAFETY argument for each block, as in Embree's layer
 mod oidn;
 
 pub use cross_validation::{CrossValidation, SquaredError};
-pub use folded_image::{FoldedImage, Guides, denoise_around, guides, seen_lights};
+pub use folded_image::{FoldedImage, Guides, guides};
 pub use mix::{Mix, mixed};
 pub use oidn::{Oidn, Quality};
+pub use seen_lights::denoise_around;
 pub use window::{SampledTile, TILE, Window, sample_tiles};
 
 use bdpm_core::base::error::Result;
@@ -30,6 +32,7 @@ use bdpm_core::image_io::Layer;
 use bdpm_core::render::block::CombinedImage;
 use rare_light::spread_rare_light;
 use sample::Sample;
+use seen_lights::isolated_lights;
 use serde::Serialize;
 
 /// Errors and mixing weights are pooled over this many pixels to each side: squares of 33 by 33.
@@ -143,7 +146,7 @@ pub fn denoise(
 ) -> Result<Denoised> {
     let (raw, size) = (image.mean(), image.resolution());
     let whole = Window::whole(size);
-    let seen = seen_lights(image, whole, |_| true);
+    let seen = isolated_lights(image, whole, |_| true);
     let denoised = denoise_around(&seen, &raw, |rest| {
         denoiser(whole, &spread_rare_light(image, rest.to_vec()))
     })?;
@@ -187,15 +190,22 @@ fn best_mix(
     let raw_squared = sample.raw(of_folds);
     let mut delivered = of_folds.mixed(&mix);
     let mut error = sample.estimate(&delivered);
+    // Rare light in one fold can mislead the mix.
+    let is_unmixed = unmixed.squared <= error.squared;
+    if is_unmixed {
+        delivered = of_folds.clone();
+        error = unmixed;
+    }
     let is_raw = raw_squared <= error.squared;
     if is_raw {
         delivered = of_folds.of_raw();
         error = SquaredError { squared: raw_squared, ..sample.estimate(&delivered) };
     }
-    let raw_share = match (is_raw, sample.tiles()) {
-        (true, _) => vec![1.0; raw.len()],
-        (false, Some(_)) => vec![mix.shares[0]; raw.len()],
-        (false, None) => mix.shares.clone(),
+    let raw_share = match sample.tiles() {
+        _ if is_raw => vec![1.0; raw.len()],
+        _ if is_unmixed => vec![0.0; raw.len()],
+        Some(_) => vec![mix.shares[0]; raw.len()],
+        None => mix.shares.clone(),
     };
     let map = sample.map(&delivered);
     let image = if is_raw { raw } else { mixed(&raw, denoised, &raw_share) };
