@@ -18,7 +18,7 @@ use bdpm::adaptive::stopping::Target;
 use bdpm::base::duration::positive_time;
 use bdpm::base::error::{Error, Result};
 use bdpm::film::aov::AovSelection;
-use bdpm::image_io;
+use bdpm::image_io::{self, Value};
 use bdpm::job::Shard;
 use bdpm::mpi;
 use bdpm::mpi::Ranks;
@@ -81,7 +81,8 @@ pub struct Args {
     /// Leave the noise in the image
     #[arg(long, conflicts_with = "denoise")]
     no_denoise: bool,
-    /// Add these layers to the image file [default: all, none if the time is too short for all pixels]
+    /// Add these layers to the image file [default: all; none if the time is too short for all
+    /// pixels]
     #[arg(long, value_name = "LAYER", value_delimiter = ',', value_parser = layer_parser())]
     pub layers: Vec<LayerName>,
     /// Write the noise coefficients to this file, for `predict`
@@ -218,16 +219,16 @@ impl Args {
     /// neither seed nor version.
     fn read_plan(&self, path: &Path) -> Result<(Plan, Provenance)> {
         let image = image_io::read_exr(path)?;
-        let plan = Plan::read_from(&image).map_err(|e| e.at(path))?;
-        let mut provenance = Provenance::from_metadata(&image.metadata).map_err(|e| e.at(path))?;
-        let Settings { width, height, .. } = provenance.settings;
-        if image.metadata.contains_key(ENLARGED) {
+        if let Some(Value::Text(size)) = image.metadata.get(ENLARGED) {
             return Err(Error::new(
-                format!("the image was enlarged from {width}x{height} pixels, and has no plan"),
+                format!("the image was enlarged from {size} pixels, and has no plan"),
                 "render it with more time, or with `--layers all`",
             )
             .at(path));
         }
+        let plan = Plan::read_from(&image).map_err(|e| e.at(path))?;
+        let mut provenance = Provenance::from_metadata(&image.metadata).map_err(|e| e.at(path))?;
+        let Settings { width, height, .. } = provenance.settings;
         if (image.width, image.height) != (width, height) {
             let size = format!("{}x{}", image.width, image.height);
             return Err(Error::new(

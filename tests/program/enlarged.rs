@@ -50,7 +50,7 @@ fn who_asks_for_more_than_a_picture_gets_every_pixel() {
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let (checkpoint, noise) = (at("a.ckpt"), at("noise.exr"));
     for more in [
-        &["--layers", "rms"][..],
+        &["--layers", "albedo"][..],
         &["--checkpoint", &checkpoint],
         &["--noise", &noise],
         &["--strategy", "mis"],

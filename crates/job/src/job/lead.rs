@@ -120,11 +120,7 @@ impl RenderJob {
             }
         }
         let pixels = settings.pixels();
-        // Workers render the size that they were started with.
-        let full_size = match ranks.count() {
-            1 => self.reduce_size(&mut prepared, &mut denoising, start)?,
-            _ => None,
-        };
+        let full_size = self.reduce_size(&mut prepared, &mut denoising, ranks, start)?;
         let reserve = self.reserve(pixels, full_size.is_some());
         if let Some(time) = &mut stop.time {
             let denoising = denoising.as_ref().map_or(Duration::ZERO, Denoising::reserve);

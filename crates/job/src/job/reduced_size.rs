@@ -1,6 +1,7 @@
 //! Fewer pixels, where the time does not suffice for all of them.
 
 use super::{Denoising, Prepared, RenderJob};
+use crate::mpi::Ranks;
 use bdpm_auto::adaptive::time_probe;
 use bdpm_core::base::error::Result;
 use std::time::{Duration, Instant};
@@ -28,6 +29,7 @@ impl RenderJob {
         &self,
         prepared: &mut Prepared,
         denoising: &mut Option<Denoising>,
+        ranks: &dyn Ranks,
         start: Instant,
     ) -> Result<Option<(u32, u32)>> {
         let Prepared { scene, accel, threads, provenance, .. } = prepared;
@@ -36,6 +38,7 @@ impl RenderJob {
         let pixels = settings.pixels() as f64;
         let may_reduce = self.reserve_per_enlarged_pixel.is_some()
             && settings.crop.is_none()
+            && ranks.count() == 1 // Workers render the size that they were started with.
             && self.settings.strategy.is_none()
             && self.is_timed_picture(scene);
         let is_short = |time: &Duration| time.as_secs_f64() < ENOUGH * pixels;

@@ -1,22 +1,23 @@
 //! Denoising in a job: when the denoiser runs, the time that is reserved for it, and the error of
 //! its result.
 
+mod effort;
 mod report;
 
 pub use report::{DenoisedPromise, DenoisedReport};
 
 use crate::output::denoise::{
-    Denoised, ErrorSummary, Guides, Oidn, Quality, TILE, Validation, Window, denoise, guides,
+    Denoised, ErrorSummary, Guides, Oidn, Quality, Validation, Window, denoise, guides,
 };
 use bdpm_auto::adaptive::error_interval::{ErrorInterval, SquaredPart};
 use bdpm_auto::adaptive::stopping::Stop;
 use bdpm_auto::adaptive::technique::LEAST_DENOISED_NOISE;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::Rgb;
-use bdpm_core::film::folds::DENOISE_FOLDS;
 use bdpm_core::noise::merge_bias::UPPER_BOUND;
 use bdpm_core::render::Renderer;
 use bdpm_core::render::block::CombinedImage;
+use effort::{Effort, FULL};
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -71,84 +72,9 @@ const SHORT_RENDER_SHARE: f64 = 0.25;
 /// unknown error pays. A less noisy raw image would be the result anyway.
 const MIN_NOISE_FOR_UNKNOWN_ERROR: f64 = 0.1;
 
-/// Minimum number of tiles in which the error is estimated, if it is not estimated in the whole
-/// image.
-const MIN_TILES: usize = 4;
-
-/// Time of the error of a single run over that of the run.
-const SINGLE_SHARE: f64 = 0.15;
-
 /// Maximum time of denoising the final image after an interrupt. Systems that shut down and
 /// schedulers kill programs 10 s or more after they asked them to end.
 const AFTER_INTERRUPT: Duration = Duration::from_secs(5);
-
-/// Effort of denoising an image with its error.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Effort {
-    quality: Quality,
-    /// Whether noisy guides are denoised first. Otherwise, the denoiser uses noisy guides.
-    prefilter: bool,
-    /// Number of folds that are left out in turn; 0 leaves the error unknown.
-    folds: usize,
-    /// Number of tiles in which the error is estimated; `None` for the whole image.
-    tiles: Option<usize>,
-}
-
-/// Effort without a limit of time.
-const FULL: Effort =
-    Effort { quality: Quality::High, prefilter: true, folds: DENOISE_FOLDS, tiles: None };
-
-/// Effort for a given time that is long enough, and for the checks of a target with fewer folds. In
-/// short renders, higher qualities and denoised guides take several times as long and do not reduce
-/// the error: docs/measurements/denoising.md.
-const FAST: Effort =
-    Effort { quality: Quality::Fast, prefilter: false, folds: DENOISE_FOLDS, tiles: None };
-
-impl Effort {
-    /// The best effort for an image of this number of pixels whose time is at most `runs` times
-    /// that of a run of [`Quality::Fast`] on the whole image; `None` if not even one run fits.
-    fn within(runs: f64, pixels: f64) -> Option<Self> {
-        let folds = |folds| Self { folds, ..FAST };
-        // As many tiles as fit, for half of the image at most.
-        let tile = f64::from(TILE * TILE);
-        let fitting =
-            ((runs - 1.0) * pixels / (DENOISE_FOLDS as f64 * tile)).min(0.5 * pixels / tile);
-        let tiles = fitting.max(0.0) as usize;
-        let tiled = (tiles >= MIN_TILES).then_some(Self { tiles: Some(tiles), ..FAST });
-        [Some(FAST), Some(folds(DENOISE_FOLDS / 2)), tiled, Some(folds(2)), Some(folds(0))]
-            .into_iter()
-            .flatten()
-            .find(|effort| effort.runs(pixels) <= runs)
-    }
-
-    /// The only run that a short render of a large image has time for, with its error in as many
-    /// tiles as take little more; without its error if these are too few.
-    fn single(pixels: f64) -> Self {
-        let tile = f64::from(TILE * TILE);
-        let tiles = (SINGLE_SHARE * pixels / (DENOISE_FOLDS as f64 * tile)) as usize;
-        match tiles >= MIN_TILES {
-            true => Self { tiles: Some(tiles), ..FAST },
-            false => Self { folds: 0, ..FAST },
-        }
-    }
-
-    /// Effort for the checks of a target: four folds of a small image, or tiles of a large one.
-    fn of_check(pixels: f64) -> Self {
-        Self::within((DENOISE_FOLDS / 2 + 1) as f64, pixels).expect("several runs fit")
-    }
-
-    /// Time as a factor of a run of [`Quality::Fast`] on the whole image. Measured:
-    /// docs/measurements/denoising.md.
-    fn runs(self, pixels: f64) -> f64 {
-        let run = match self.quality {
-            Quality::Fast => 1.0,
-            Quality::High => 4.7,
-        };
-        let prefilter = if self.prefilter { 2.0 * run } else { 0.0 };
-        let share = self.tiles.map_or(1.0, |tiles| tiles as f64 * f64::from(TILE * TILE) / pixels);
-        prefilter + run * (self.folds as f64 * share + 1.0)
-    }
-}
 
 /// The denoiser and its latest result.
 pub struct Denoising {
@@ -427,29 +353,12 @@ impl Denoising {
 
 #[cfg(test)]
 mod tests {
+    use super::effort::FAST;
     use super::*;
     use crate::output::denoise::DenoisedError;
 
     fn timed(time: Duration) -> Denoising {
         Denoising::new(2, (40, 30), &Stop::time(time), Arc::default()).unwrap()
-    }
-
-    #[test]
-    fn effort_is_the_best_one_that_fits() {
-        let (small, large) = (128.0 * 128.0, 1024.0 * 1024.0);
-        let within = |runs: f64, pixels: f64| {
-            let effort = Effort::within(runs, pixels)?;
-            assert!(effort.runs(pixels) <= runs);
-            Some((effort.folds, effort.tiles))
-        };
-        assert_eq!(within(9.0, small), Some((8, None)));
-        assert_eq!(within(5.0, small), Some((4, None)));
-        assert_eq!(within(3.0, small), Some((2, None)));
-        assert_eq!(within(4.9, large), Some((8, Some(31))));
-        assert_eq!(within(1.6, large), Some((8, Some(4))));
-        assert_eq!(within(1.4, large), Some((0, None)));
-        assert_eq!(within(0.9, large), None);
-        assert!(FULL.runs(small) > FAST.runs(small));
     }
 
     #[test]
