@@ -41,8 +41,9 @@ pub fn min_times(
 ) -> Result<TimeModel> {
     let many = settings.light_paths.clamp(COUNT_RATIO, MAX_LIGHT_PATHS);
     let few = many / COUNT_RATIO;
-    let settings = Settings { light_paths: few, ..settings.clone() };
-    let mut renderer = sample(scene, accel, &settings, SAMPLE_SIDE)?;
+    let few_paths = Settings { light_paths: few, kernel: Kernel::Disc, ..settings.clone() };
+    let mut renderer =
+        sample(&Renderer::new(scene, accel, few_paths.clone())?, &few_paths, SAMPLE_SIDE)?;
     renderer.iterate(Measure::Off);
     let mut recorder = Recorder::new(rayon::current_num_threads());
     for (light_paths, camera_paths) in [(few, 1), (many, 1), (few, COUNT_RATIO)] {
@@ -60,32 +61,23 @@ pub fn min_times(
     Ok(TimeModel { pixels: settings.pixels() as f64, ..model })
 }
 
-/// Approximate lower bound of the time of an iteration of path tracing with one path per pixel,
-/// seconds.
+/// Approximate lower bound of the time of an iteration of path tracing with one path per pixel of
+/// the image of a renderer, seconds.
 ///
 /// # Errors
 /// As [`Renderer::new`].
-pub fn path_time(
-    scene: &Arc<Scene>,
-    accel: &Arc<dyn Intersect>,
-    settings: &Settings,
-) -> Result<f64> {
-    let paths = Settings { strategy: Strategy::Path, ..settings.clone() };
-    let mut renderer = sample(scene, accel, &paths, PATH_SAMPLE_SIDE)?;
+pub fn path_time(renderer: &Renderer) -> Result<f64> {
+    let pixels = renderer.settings().pixels() as f64;
+    let paths = Settings { strategy: Strategy::Path, ..renderer.settings().clone() };
+    let mut renderer = sample(renderer, &paths, PATH_SAMPLE_SIDE)?;
     let times = [(); 3].map(|()| renderer.iterate(Measure::Off).times.wall.as_secs_f64());
     let fastest = times.into_iter().fold(f64::INFINITY, f64::min);
-    Ok(fastest * settings.pixels() as f64 / renderer.settings().pixels() as f64)
+    Ok(fastest * pixels / renderer.settings().pixels() as f64)
 }
 
 /// A renderer of one camera path in some pixels, about `side` by `side` of a square image.
-fn sample(
-    scene: &Arc<Scene>,
-    accel: &Arc<dyn Intersect>,
-    settings: &Settings,
-    side: u32,
-) -> Result<Renderer> {
+fn sample(renderer: &Renderer, settings: &Settings, side: u32) -> Result<Renderer> {
     let stride = (settings.width.min(settings.height) / side).max(1);
-    let settings =
-        Settings { camera_paths: 1, kernel: Kernel::Disc, sobol_set: 1, ..settings.clone() };
-    Renderer::new(scene, accel, settings.clone())?.sample(settings, stride)
+    let settings = Settings { camera_paths: 1, sobol_set: 1, ..settings.clone() };
+    renderer.sample(settings, stride)
 }

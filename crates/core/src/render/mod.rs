@@ -131,8 +131,9 @@ impl Renderer {
         let located = scene.media().map(|_| Arc::new(scene.with_start_media(&**accel)));
         let scene = located.as_ref().unwrap_or(scene);
         let scene = light_visibility::learned(scene, &**accel, &settings);
-        let mut renderer = Self::unguided(&scene, accel, settings)?;
-        renderer.aim = Guide::aimed(&scene).map(Arc::new);
+        let (renderer, aim) =
+            rayon::join(|| Self::unguided(&scene, accel, settings), || Guide::aimed(&scene));
+        let renderer = Self { aim: aim.map(Arc::new), ..renderer? };
         renderer.with_learned_directions().with_learned_guide()
     }
 

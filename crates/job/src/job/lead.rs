@@ -32,24 +32,24 @@ fn takes_too_long(denoising: &Denoising, stop: &Stop) -> bool {
 }
 
 /// A job between its phases.
-struct Run {
+pub(super) struct Run {
     /// Scene, settings and threads.
-    prepared: Prepared,
+    pub prepared: Prepared,
     is_automatic: bool,
     /// The conditions of the loop: their time is without what follows it.
     stop: Stop,
     /// The iterations of the shard, if the job renders one.
     iterations: Option<ShardIterations>,
-    denoising: Option<Denoising>,
+    pub denoising: Option<Denoising>,
     /// Why a denoiser that might pay cannot run.
     without_denoiser: Option<Error>,
     /// Time for the caller's work after the render.
     reserve: Duration,
-    config: RenderConfig,
+    pub config: RenderConfig,
     selection: Option<Selection>,
     alternatives: Option<Alternatives>,
     /// Width and height that were asked for, if the image has fewer pixels.
-    full_size: Option<(u32, u32)>,
+    pub full_size: Option<(u32, u32)>,
 }
 
 impl RenderJob {
@@ -69,12 +69,14 @@ impl RenderJob {
         if let Some(leader) = leader {
             leader.check_workers(&prepared.provenance)?;
         }
-        let mut run = self.planned_run(prepared, ranks, start)?;
+        let mut run = self.planned_run(prepared, ranks)?;
+        let renderer = self.first_renderer(&mut run, observer)?;
+        let mut renderer = self.reduce_size(&mut run, renderer, start)?;
+        self.divide_time(&mut run);
         if let (Some(full), Some(time)) = (run.full_size, self.stop.time) {
             let size = run.prepared.provenance.settings.resolution();
             let _ = observer(Event::Warning(reduced_size::warning(time, size, full)));
         }
-        let mut renderer = self.first_renderer(&mut run, observer)?;
         if run.is_automatic && matches!(self.start, Start::New) {
             renderer = self.choose(&mut run, renderer, leader.is_none(), observer)?;
         }
@@ -84,12 +86,7 @@ impl RenderJob {
     }
 
     /// Divides the time, and checks what needs no renderer.
-    fn planned_run(
-        &mut self,
-        mut prepared: Prepared,
-        ranks: &dyn Ranks,
-        start: Instant,
-    ) -> Result<Run> {
+    fn planned_run(&mut self, prepared: Prepared, ranks: &dyn Ranks) -> Result<Run> {
         let Prepared { scene, threads, provenance, .. } = &prepared;
         let settings = &provenance.settings;
         let mut stop = self.stop_with_default();
@@ -119,15 +116,6 @@ impl RenderJob {
                 }
             }
         }
-        let pixels = settings.pixels();
-        let full_size = self.reduce_size(&mut prepared, &mut denoising, ranks, start)?;
-        let reserve = self.reserve(pixels, full_size.is_some());
-        if let Some(time) = &mut stop.time {
-            let denoising = denoising.as_ref().map_or(Duration::ZERO, Denoising::reserve);
-            // Half of a time that the denoiser alone would take is left for the image.
-            let least = time.mul_f64(LEAST_RENDERING);
-            *time = time.saturating_sub(denoising).max(least).saturating_sub(reserve);
-        }
         Ok(Run {
             prepared,
             is_automatic: self.is_automatic(),
@@ -135,12 +123,26 @@ impl RenderJob {
             iterations,
             denoising,
             without_denoiser,
-            reserve,
+            reserve: Duration::ZERO,
             config: RenderConfig { ranks: ranks.count(), ..RenderConfig::default() },
             selection: None,
             alternatives: None,
-            full_size,
+            full_size: None,
         })
+    }
+
+    /// Leaves time for what follows the iterations.
+    fn divide_time(&self, run: &mut Run) {
+        let pixels = run
+            .full_size
+            .map_or(run.prepared.provenance.settings.pixels(), |(w, h)| w as usize * h as usize);
+        run.reserve = self.reserve(pixels, run.full_size.is_some());
+        if let Some(time) = &mut run.stop.time {
+            let denoising = run.denoising.as_ref().map_or(Duration::ZERO, Denoising::reserve);
+            // Half of a time that the denoiser alone would take is left for the image.
+            let least = time.mul_f64(LEAST_RENDERING);
+            *time = time.saturating_sub(denoising).max(least).saturating_sub(run.reserve);
+        }
     }
 
     /// The renderer of the settings before any choice.
@@ -153,7 +155,7 @@ impl RenderJob {
         let has_choice = scene.lights().has_choice();
         if run.is_automatic && has_choice && matches!(self.start, Start::New) {
             provenance.settings.light_visibility =
-                self.visibility_rays(scene, &provenance.settings, run.stop.time);
+                self.visibility_rays(scene, &provenance.settings, self.stop.time);
         }
         let new = || {
             Renderer::new(scene, accel, provenance.settings.clone())

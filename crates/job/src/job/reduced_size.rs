@@ -1,9 +1,10 @@
 //! Fewer pixels, where the time does not suffice for all of them.
 
+use super::lead::Run;
 use super::{Denoising, Prepared, RenderJob};
-use crate::mpi::Ranks;
 use bdpm_auto::adaptive::time_probe;
 use bdpm_core::base::error::Result;
+use bdpm_core::render::Renderer;
 use std::time::{Duration, Instant};
 
 /// Iterations that fit at least: each half of the image then has one.
@@ -24,42 +25,43 @@ const MOST: f64 = 8.0;
 
 impl RenderJob {
     /// Reduces the size of the image by a whole factor such that the fewest iterations fit in the
-    /// time, of which `used` has passed. Returns the full size, if it is reduced.
+    /// time. Returns the renderer of the image.
     pub(super) fn reduce_size(
         &self,
-        prepared: &mut Prepared,
-        denoising: &mut Option<Denoising>,
-        ranks: &dyn Ranks,
+        run: &mut Run,
+        renderer: Renderer,
         start: Instant,
-    ) -> Result<Option<(u32, u32)>> {
-        let Prepared { scene, accel, threads, provenance, .. } = prepared;
+    ) -> Result<Renderer> {
+        let Prepared { scene, threads, provenance, .. } = &mut run.prepared;
         let settings = &mut provenance.settings;
         let full = settings.resolution();
         let pixels = settings.pixels() as f64;
         let may_reduce = self.reserve_per_enlarged_pixel.is_some()
             && settings.crop.is_none()
-            && ranks.count() == 1 // Workers render the size that they were started with.
+            && run.config.ranks == 1 // Workers render the size that they were started with.
             && self.settings.strategy.is_none()
             && self.is_timed_picture(scene);
         let is_short = |time: &Duration| time.as_secs_f64() < ENOUGH * pixels;
         let Some(time) = self.stop.time.filter(|time| may_reduce && is_short(time)) else {
-            return Ok(None);
+            return Ok(renderer);
         };
-        let paths = threads.install(|| time_probe::path_time(scene, accel, settings))?;
-        let iteration = OVER_PATHS * paths;
-        let denoiser = denoising.as_ref().map_or(0.0, Denoising::pixel_time);
+        let iteration = OVER_PATHS * threads.install(|| time_probe::path_time(&renderer))?;
+        let denoiser = run.denoising.as_ref().map_or(0.0, Denoising::pixel_time);
         let all = ITERATIONS * iteration + denoiser * pixels;
         let before = (1.0 - PILOT_SHARE) * time.as_secs_f64() - start.elapsed().as_secs_f64();
         let left = |is_reduced| before - self.reserve(pixels as usize, is_reduced).as_secs_f64();
         // What a reduced size saves in the files is no reason to reduce it.
         let factor = factor(all, left(false)).min(factor(all, left(true)).max(2));
         if factor == 1 {
-            return Ok(None);
+            return Ok(renderer);
         }
         settings.width = full.0.div_ceil(factor);
         settings.height = full.1.div_ceil(factor);
-        *denoising = denoising.take().map(|own| own.for_size(settings.resolution(), &self.stop));
-        Ok(Some(full))
+        let size = settings.resolution();
+        run.denoising = run.denoising.take().map(|own| own.for_size(size, &self.stop));
+        run.full_size = Some(full);
+        let settings = settings.clone();
+        threads.install(|| renderer.with_settings(settings)?.configure(run.config))
     }
 
     /// Time that is reserved for the caller's work after a render whose picture has this many

@@ -46,7 +46,7 @@ const TRIAL_PATIENCE: f64 = 1.3;
 
 /// Factor on the light paths from the first timed iterations of a trial to the second, minimum and
 /// maximum. The time per path and per pair must stand out from the fixed time.
-const TIMED_RATIOS: [u32; 2] = [4, 16];
+const TIMED_RATIOS: [u32; 2] = [2, 16];
 
 /// Camera paths per pixel of timed iterations, three times those of the others for the same reason.
 const TIMED_CAMERA_PATHS: u32 = 6;

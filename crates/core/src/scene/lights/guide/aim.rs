@@ -10,6 +10,7 @@ use crate::scene::{Scene, Triangle};
 use crate::simd::LANES;
 use crate::simd::sobol::ScrambledSobol;
 use glam::Vec3;
+use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -36,6 +37,9 @@ const MOST_PAIRS: usize = 32;
 
 /// Minimum number of rays in a cell: fewer say little about its density.
 const LEAST_RAYS: usize = 24;
+
+/// Rays of a division from which on several threads look for its best cut.
+const MANY_RAYS: usize = 2048;
 
 /// Cells per pair of a light and a group.
 const CELLS_PER_PAIR: usize = 96;
@@ -124,18 +128,16 @@ fn aimed_rays(lights: &Lights, casters: &[Bounds]) -> Vec<AimedRay> {
     pairs.truncate(MOST_PAIRS);
     // The best density of starts is in proportion to the root of what they contribute.
     let total: f64 = pairs.iter().map(|(flux, ..)| flux.sqrt()).sum();
-    let mut all = Vec::with_capacity(pairs.len() * RAYS);
-    for (flux, light, ball) in pairs {
+    let of_pair = |&(flux, light, ball): &(f64, usize, Ball)| {
         let place = |numbers: &PrimarySample| {
             let ray = lights.aimed_ray(light, &ball, *numbers)?;
             Some(lights.numbers_of(light, &ray, *numbers))
         };
-        let first = all.len();
-        all.extend(numbers.iter().filter_map(place).map(|place| AimedRay { place, share: 0.0 }));
-        let share = flux.sqrt() / total / (all.len() - first).max(1) as f64;
-        all[first..].iter_mut().for_each(|ray| ray.share = share);
-    }
-    all
+        let places: Vec<PrimarySample> = numbers.iter().filter_map(place).collect();
+        let share = flux.sqrt() / total / places.len().max(1) as f64;
+        places.into_iter().map(move |place| AimedRay { place, share })
+    };
+    pairs.par_iter().flat_map_iter(of_pair).collect()
 }
 
 /// A ray from a light to a ball around casters.
@@ -308,18 +310,26 @@ impl Division {
         if own.rays.len() < LEAST_RAYS {
             return own;
         }
-        for side in 0..5 {
-            let [low, high] = extent(&own.rays, &own.cell, side);
-            let (begin, size) = (own.cell.low[side], own.cell.size[side]);
-            // Cuts off what no ray meets on either end.
-            let kept = [(low, begin + size - low), (high, high - begin)];
-            for (middle, kept) in kept {
-                own.consider(own.share * (size / kept).ln(), side, middle);
-            }
-            let middle = 0.5 * (low + high);
-            own.consider(own.gain_of_halves(side, middle), side, middle);
+        let of_side = |side| own.cuts(side);
+        let cuts: Vec<_> = match own.rays.len() {
+            MANY_RAYS.. => (0..5).into_par_iter().map(of_side).collect(),
+            _ => (0..5).map(of_side).collect(),
+        };
+        for (side, cuts) in cuts.into_iter().enumerate() {
+            cuts.into_iter().for_each(|[gain, middle]| own.consider(gain, side, middle));
         }
         own
+    }
+
+    /// Gains and places of the cuts of a side that are considered.
+    fn cuts(&self, side: usize) -> [[f64; 2]; 3] {
+        let [low, high] = extent(&self.rays, &self.cell, side);
+        let (begin, size) = (self.cell.low[side], self.cell.size[side]);
+        // Cuts off what no ray meets on either end.
+        let kept = [(low, begin + size - low), (high, high - begin)];
+        let [first, second] = kept.map(|(middle, kept)| [self.share * (size / kept).ln(), middle]);
+        let middle = 0.5 * (low + high);
+        [first, second, [self.gain_of_halves(side, middle), middle]]
     }
 
     fn consider(&mut self, gain: f64, side: usize, middle: f64) {
