@@ -49,7 +49,7 @@ const FEW_ITERATIONS: u64 = 8;
 const TIME_MARGIN: f64 = 1.25;
 
 /// Estimates of the noise that take as long as the result at the end.
-const RESULT_ESTIMATES: f64 = 2.0;
+const RESULT_ESTIMATES: f64 = 4.0;
 
 /// The image of a job, its progress and its statistics, during and after the render.
 pub struct RenderState {
