@@ -13,8 +13,9 @@ folder=$(realpath "$2")
 shift 2
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 if [ $# = 0 ]; then
-    for scene in scenes/*/; do
-        set -- "$@" "${scene%/}:1920x1080:20" "${scene%/}:1920x1080:3"
+    for scene in scenes/*/scene.toml; do
+        scene=$(dirname "$scene")
+        set -- "$@" "$scene:1920x1080:20" "$scene:1920x1080:3"
     done
 fi
 bad=0
