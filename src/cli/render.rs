@@ -149,8 +149,9 @@ fn render(args: &Args, ranks: &dyn Ranks) -> Result<Output> {
         say(&format!("note: the preview is {preview}, since {} is not a preview", other.display()));
     }
     let job = args.job(&input, start, times).started(start_time).reserve_per_pixel(WRITE_PIXEL);
-    let is_picture = args.layers.is_empty() && args.checkpoint.is_none();
-    let job = job.fewer_pixels(is_picture.then_some(WRITE_ENLARGED_PIXEL));
+    let asks_for_more =
+        !args.layers.is_empty() || outputs.checkpoint.is_some() || outputs.false_color.is_some();
+    let job = job.fewer_pixels((!asks_for_more).then_some(WRITE_ENLARGED_PIXEL));
     if args.dry_run {
         let outline = job.outline_on(ranks)?;
         if let Some(warning) = outline.warning.as_deref().filter(|_| !args.session.quiet) {

@@ -272,16 +272,11 @@ impl Writer {
         let mut metadata = state.provenance.to_metadata();
         metadata.extend(facts);
         metadata.insert(ENLARGED.into(), Value::Text(format!("{width}x{height}")));
-        self.add_luminance_unit(&mut metadata);
         let picture = enlarge(shown, (width, height), full);
         let image = Image { width: full.0, height: full.1, layers: Vec::new(), metadata };
         let rows = |rows: Range<u32>| {
             let [first, end] = [rows.start, rows.end].map(|row| (row * full.0) as usize);
-            let mut layers = vec![Layer::rgb("", &picture[first..end])];
-            if self.outputs.false_color.is_some() {
-                layers.push(luminance_layer(&picture[first..end]));
-            }
-            layers
+            vec![Layer::rgb("", &picture[first..end])]
         };
         self.write_files((&image, &rows), &picture, self.exr_format, attempts);
         self.time += start.elapsed();
@@ -316,7 +311,11 @@ impl Writer {
         if let Some((variance, _)) = combined.pooled_variance() {
             record_pooled_rms(&mut metadata, variance.sqrt());
         }
-        self.add_luminance_unit(&mut metadata);
+        if self.outputs.false_color.is_some() {
+            let efficacy = Value::Number(f64::from(LUMENS_PER_WATT));
+            metadata.insert("luminance unit".into(), Value::Text("cd/m2".into()));
+            metadata.insert("luminance in lumens per watt".into(), efficacy);
+        }
         let layers = denoised.into_iter().flat_map(denoise::layers).collect();
         let mut image = Image { width, height, layers, metadata };
         Plan::of_blocks(combined.blocks(), combined.weights()).write_to(&mut image);
@@ -352,15 +351,6 @@ impl Writer {
         }
     }
 
-    /// The unit of the layer `luminance`, if the image has it.
-    fn add_luminance_unit(&self, metadata: &mut Metadata) {
-        if self.outputs.false_color.is_some() {
-            let efficacy = Value::Number(f64::from(LUMENS_PER_WATT));
-            metadata.insert("luminance unit".into(), Value::Text("cd/m2".into()));
-            metadata.insert("luminance in lumens per watt".into(), efficacy);
-        }
-    }
-
     /// Some rows of the image and of the layers that are computed from its sums. A denoised
     /// `picture` takes the place of the image, which is then a layer of its own.
     fn rows(
@@ -379,7 +369,9 @@ impl Writer {
         }
         layers.extend(self.layers.layers(shared, combined, rows, &pixels));
         if self.outputs.false_color.is_some() {
-            layers.push(luminance_layer(picture.unwrap_or(&pixels)));
+            let shown = picture.unwrap_or(&pixels);
+            let values = shown.iter().map(|pixel| LUMENS_PER_WATT * luminance(*pixel)).collect();
+            layers.push(Layer { name: "luminance".into(), channels: vec![("Y".into(), values)] });
         }
         layers
     }
@@ -423,12 +415,6 @@ impl Writer {
             Ok(exr + whole_time(preview(rows)?, fixed, (rows, height)))
         })
     }
-}
-
-/// The luminance of pixels, cd/m^2.
-fn luminance_layer(pixels: &[Rgb]) -> Layer {
-    let values = pixels.iter().map(|pixel| LUMENS_PER_WATT * luminance(*pixel)).collect();
-    Layer { name: "luminance".into(), channels: vec![("Y".into(), values)] }
 }
 
 /// Writes the luminance of pixels in false colors with a legend, cd/m^2, on a logarithmic scale.

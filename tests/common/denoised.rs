@@ -6,7 +6,10 @@ use bdpm::film::aov::AovSelection;
 use bdpm::film::folds::DENOISE_FOLDS;
 use bdpm::film::radiance::Film;
 use bdpm::noise::Measure;
-use bdpm::output::denoise::{CrossValidation, FoldedImage, Mix, Oidn, guides, importance, mixed};
+use bdpm::output::denoise::{
+    CrossValidation, FoldedImage, Mix, Oidn, Window, denoise_around, guides, importance,
+    isolated_lights, mixed,
+};
 use bdpm::render::RenderConfig;
 use bdpm::render::block::CombinedImage;
 use bdpm::{Renderer, Scene, Settings};
@@ -89,7 +92,8 @@ pub fn compare(
     let folds =
         CrossValidation::new(&parts, |_, radiance| oidn.denoise(size, radiance, &guides)).unwrap();
     let raw = image.mean();
-    let denoised = oidn.denoise(size, &raw, &guides).unwrap();
+    let kept = isolated_lights(&image, Window::whole(size), |_| true);
+    let denoised = denoise_around(&kept, &raw, |rest| oidn.denoise(size, rest, &guides)).unwrap();
     let weights = importance(&denoised);
     let mix = Mix::new(&folds, &weights, Some(size));
     let (of_folds, delivered) = (folds.mixed(&mix), mixed(&raw, &denoised, &mix.shares));

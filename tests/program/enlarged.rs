@@ -51,6 +51,7 @@ fn who_asks_for_more_than_a_picture_gets_every_pixel() {
     let (checkpoint, noise) = (at("a.ckpt"), at("noise.exr"));
     for more in [
         &["--layers", "albedo"][..],
+        &["--photometric"],
         &["--checkpoint", &checkpoint],
         &["--noise", &noise],
         &["--strategy", "mis"],

@@ -21,7 +21,7 @@ pub use cross_validation::{CrossValidation, SquaredError};
 pub use folded_image::{FoldedImage, Guides, guides};
 pub use mix::{Mix, mixed};
 pub use oidn::{Oidn, Quality};
-pub use seen_lights::denoise_around;
+pub use seen_lights::{denoise_around, isolated_lights};
 pub use window::{SampledTile, TILE, Window, sample_tiles};
 
 use bdpm_core::base::error::Result;
@@ -32,7 +32,6 @@ use bdpm_core::image_io::Layer;
 use bdpm_core::render::block::CombinedImage;
 use rare_light::spread_rare_light;
 use sample::Sample;
-use seen_lights::isolated_lights;
 use serde::Serialize;
 
 /// Errors and mixing weights are pooled over this many pixels to each side: squares of 33 by 33.

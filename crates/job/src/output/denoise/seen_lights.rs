@@ -46,7 +46,7 @@ pub fn denoise_around(
 /// Mean emission that pixels see in a window, over the iterations of the [`DENOISE_FOLDS`] folds
 /// for which `takes` returns true, where it is isolated or has little noise; empty if it is not
 /// kept.
-pub(super) fn isolated_lights(
+pub fn isolated_lights(
     image: &CombinedImage,
     window: Window,
     takes: impl Fn(usize) -> bool + Sync,
