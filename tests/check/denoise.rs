@@ -32,8 +32,9 @@ fn check(name: &str, light_paths: u32, camera_paths: u32, seeds: RangeInclusive<
         let found = compare(&scene, &accel, &settings, iterations, to);
         eprintln!("{name} {iterations}: {found:?}");
         let Found { raw, unmixed, mixed, reported, error, z2, blocks, share } = found;
-        // From few samples the estimate may say no more than that.
-        let says = iterations < most || error < mixed;
+        // From few samples the estimate may say no more than that. From more it tells the error, or
+        // at least that most of the noise is gone: the denoiser leaves a thirtieth of caustics.
+        let says = iterations < most || error < mixed.max(0.1 * raw);
         assert!(says, "{name} {iterations}: says nothing, {found:?}");
         assert!(
             (reported - mixed).abs() < 0.05 * mixed + 3.0 * error,
