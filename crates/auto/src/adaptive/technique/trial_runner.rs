@@ -48,9 +48,6 @@ const TRIAL_PATIENCE: f64 = 1.3;
 /// maximum. The time per path and per pair must stand out from the fixed time.
 const TIMED_RATIOS: [u32; 2] = [4, 16];
 
-/// The same minimum for suffix paths of a cache: they take nearly all of an iteration.
-const LEAST_SUFFIX_RATIO: u32 = 2;
-
 /// Camera paths per pixel of timed iterations, three times those of the others for the same reason.
 const TIMED_CAMERA_PATHS: u32 = 6;
 
@@ -235,7 +232,6 @@ impl<'a> TrialRunner<'a> {
     ) -> Result<TimeModel> {
         let elapsed = || begun.elapsed().as_secs_f64();
         let threads = rayon::current_num_threads();
-        let has_cache = renderer.settings().has_cache();
         let mut recorder = Recorder::new(threads);
         let share = 0.5 * (1.0 - TRIAL_MEASURING) * seconds;
         let mut per_light_path = 0.0;
@@ -257,8 +253,7 @@ impl<'a> TrialRunner<'a> {
             let light = light / (timed as f64 * threads as f64);
             per_light_path = light / f64::from(light_paths);
             let fits = share / light;
-            let least = if has_cache { LEAST_SUFFIX_RATIO } else { TIMED_RATIOS[0] };
-            let ratio = (fits as u32).clamp(least, TIMED_RATIOS[1]);
+            let ratio = (fits as u32).clamp(TIMED_RATIOS[0], TIMED_RATIOS[1]);
             light_paths = light_paths.saturating_mul(ratio).min(self.max_light_paths);
         }
         let model = fit(&recorder.samples(), pixels)?.model;
