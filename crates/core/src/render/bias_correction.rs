@@ -7,7 +7,8 @@
 
 use super::annulus_moments::{FoldEstimate, FoldWeight, WeightedBlocks};
 use super::block::Block;
-use super::smoothing::smooth;
+use super::smoothing::{box_means, smooth};
+use super::suffixes::square_side;
 use crate::base::math::Rgb;
 use crate::film::annulus::{FOLDS, left_at_half};
 use crate::film::cells::CellGrid;
@@ -26,6 +27,11 @@ const CACHE_EXCESS: f64 = 8.0;
 /// Number of iterations of a fold that doubles [`CACHE_EXCESS`]. With fewer nothing is subtracted:
 /// they hardly know their noise, which is larger than the bias of a cache anyway.
 const FEW_ITERATIONS: f64 = 8.0;
+
+/// Squares of suffix paths, to each side, over which the noise of what a cache adds is averaged.
+/// Where light is found by few paths, most squares have none of them: they look dark, and hardly
+/// noisy.
+const SQUARES_AROUND: u32 = 8;
 
 /// Correction of the merge bias of an image, for each [cell](CellGrid) in row order.
 #[derive(Clone, Debug)]
@@ -76,9 +82,9 @@ impl BiasCorrection {
         let has_cache = blocks[0].has_cache;
         let left_at_half = left_at_half(blocks[0].kernel, has_cache);
         for (class, left_at_half) in left_at_half.into_iter().enumerate() {
+            let of_cache = has_cache && class == PhotonClass::Diffuse as usize;
             let excess = weighted.folds.map(|FoldWeight { first, second }| {
                 let few = FEW_ITERATIONS * second / (first * first);
-                let of_cache = has_cache && class == PhotonClass::Diffuse as usize;
                 match of_cache {
                     true => (few < 1.0 + 1e-9).then_some(CACHE_EXCESS * (1.0 + few)),
                     false => Some(BIAS_EXCESS),
@@ -86,7 +92,8 @@ impl BiasCorrection {
             });
             let estimates = weighted.estimates(class);
             if estimates.par_iter().flatten().any(|fold| fold.variance > 0.0 || fold.bias2 > 0.0) {
-                let typical = (left_at_half, excess);
+                let noise_around = of_cache.then(|| SQUARES_AROUND * largest_square(blocks));
+                let typical = (left_at_half, excess, noise_around);
                 all.add(&weighted, &estimates, typical, luminance, &importance);
             }
         }
@@ -118,12 +125,13 @@ impl BiasCorrection {
     }
 
     /// Adds the correction of one photon class, with its typical bias at half the radius and the
-    /// excess that each fold must have; `None` if that subtracts nothing.
+    /// excess that each fold must have; `None` if that subtracts nothing. The noise of a cache is
+    /// that of so many pixels to each side, if it is larger.
     fn add(
         &mut self,
         blocks: &WeightedBlocks,
         estimates: &[[FoldEstimate; FOLDS]],
-        (left_at_half, excess): (f64, [Option<f64>; FOLDS]),
+        (left_at_half, excess, noise_around): (f64, [Option<f64>; FOLDS], Option<u32>),
         luminance: &[f64],
         importance: &[f64],
     ) {
@@ -135,8 +143,19 @@ impl BiasCorrection {
             [weight * estimates[0].bias2, variance(0), weight * estimates[1].bias2, variance(1)]
         };
         let relative: Vec<_> = estimates.par_iter().zip(importance).map(relative).collect();
-        let (width, height) = CellGrid::of(blocks.blocks[0].film.resolution()).size();
-        let around = smooth(&relative, width as usize, height as usize);
+        let grid = CellGrid::of(blocks.blocks[0].film.resolution());
+        let [width, height] = <[u32; 2]>::from(grid.size()).map(|size| size as usize);
+        let mut around = smooth(&relative, width, height);
+        if let Some(pixels) = noise_around {
+            let radius = pixels.div_ceil(grid.side()) as usize;
+            for variance in [1, 3] {
+                let own: Vec<f64> = relative.iter().map(|own| own[variance]).collect();
+                let wide = box_means(&own, width, height, radius);
+                around.iter_mut().zip(wide).for_each(|(own, wide)| {
+                    own[variance] = own[variance].max(wide);
+                });
+            }
+        }
         let pixels = self.correction.par_iter_mut().zip(&mut self.variance_change);
         let halves = self.halves.par_iter_mut();
         let pixels = pixels.zip(&mut self.bias2).zip(&mut self.bias2_difference).zip(halves);
@@ -165,6 +184,12 @@ impl BiasCorrection {
             },
         );
     }
+}
+
+/// Largest side of the squares of suffix paths of some blocks, pixels.
+fn largest_square(blocks: &[Block]) -> u32 {
+    let side = |own: &Block| square_side(own.film.resolution(), own.counts.light_paths.into());
+    blocks.iter().map(side).max().expect("there are blocks")
 }
 
 /// Luminance of a radiance.
@@ -207,32 +232,44 @@ mod tests {
     /// Blocks of an image of luminance 1 with noise 0.3. In the left half, the annulus of the
     /// second class contributes `bias` and `noise`; elsewhere, both classes contribute noise only.
     fn blocks(bias: f64, noise: f64, iterations: &[u64], seed: u64) -> Vec<Block> {
+        let gauss = |rng: &mut Rng| (0..12).map(|_| f64::from(rng.next_1d())).sum::<f64>() - 6.0;
+        let sample = |rng: &mut Rng, (x, _): (u32, u32), _: u64| {
+            let own = if x < SIDE / 2 { bias } else { 0.0 };
+            let annulus: [f64; CLASSES] = [0.0, own].map(|bias| bias + noise * gauss(rng));
+            (1.0 + 0.3 * gauss(rng) + annulus[0] + annulus[1], annulus)
+        };
+        blocks_of((SIDE, 10), iterations, seed, sample)
+    }
+
+    /// Blocks of a square image of this side, with so many light paths in each iteration. `sample`
+    /// gives the value of a pixel and the contributions of the annulus in an iteration.
+    fn blocks_of(
+        (side, light_paths): (u32, u32),
+        iterations: &[u64],
+        seed: u64,
+        sample: impl Fn(&mut Rng, (u32, u32), u64) -> (f64, [f64; CLASSES]),
+    ) -> Vec<Block> {
         let partial = PartialSettings {
-            resolution: Some([SIDE, SIDE]),
+            resolution: Some([side, side]),
             bias: Some(Bias::Reduce),
             ..Default::default()
         };
         let settings = Settings::resolve(&partial, &Default::default(), 1.0).unwrap();
         let mut rng = StreamKey::new(seed, Stream::Pilot, 0).rng(0);
-        let gauss = |rng: &mut Rng| (0..12).map(|_| f64::from(rng.next_1d())).sum::<f64>() - 6.0;
         let mut first = 0;
         let block = |&count: &u64| {
             let request = RenderConfig::default().request(&settings);
-            let mut block = Block::new(&request, first, Counts::uniform(10, 1));
+            let mut block = Block::new(&request, first, Counts::uniform(light_paths, 1));
             let mut shared = SharedStatistics::default();
             for number in first..first + count {
                 let iteration = CurrentIteration { number, is_measured: false };
                 let (_, mut tiles) = block.begin_iteration(iteration, request, &mut shared);
                 for tile in &mut tiles {
                     for index in 0..tile.film.tile.len() as u32 {
-                        let (x, _) = tile.film.tile.pixel(index);
-                        let own = if x < SIDE / 2 { bias } else { 0.0 };
-                        let annulus: [f64; CLASSES] =
-                            [0.0, own].map(|bias| bias + noise * gauss(&mut rng));
-                        let value = 1.0 + 0.3 * gauss(&mut rng) + annulus[0] + annulus[1];
-                        let annulus = Some(annulus.map(DVec3::splat));
-                        let value = DVec3::splat(value);
-                        let pixel = PixelSample { value, annulus, aovs: None };
+                        let pixel = tile.film.tile.pixel(index);
+                        let (value, annulus) = sample(&mut rng, pixel, number);
+                        let (value, annulus) = (DVec3::splat(value), annulus.map(DVec3::splat));
+                        let pixel = PixelSample { value, annulus: Some(annulus), aovs: None };
                         let sample = IterationSample { pixel, ..IterationSample::default() };
                         tile.add_sample(index as usize, &sample);
                     }
@@ -316,6 +353,28 @@ mod tests {
         // The other class has noise of photons in both.
         let [photons, cache] = squares;
         assert!(cache - 0.5 * photons < 0.1 * 0.5 * photons, "{squares:?}");
+    }
+
+    /// In a dark room few suffix paths find light: the cache adds it in all squares of pixels that
+    /// have none of them, and lacks it in the others. It has no bias.
+    #[test]
+    fn light_that_few_paths_find_is_no_bias_of_a_cache() {
+        const SQUARE: u32 = 12;
+        let side = 16 * SQUARE;
+        let light_paths = 16 * (side / SQUARE).pow(2);
+        assert_eq!(square_side((side, side), light_paths.into()), SQUARE);
+        let rare = |_: &mut Rng, (x, y): (u32, u32), iteration: u64| {
+            let square = u64::from(y / SQUARE * side + x / SQUARE);
+            let mut rng = StreamKey::new(square, Stream::Test, iteration).rng(0);
+            let added = if rng.next_1d() < 0.02 { -49.0 } else { 1.0 };
+            (1.0 + added, [0.0, added])
+        };
+        let mut blocks = blocks_of((side, light_paths), &[40], 1, rare);
+        blocks[0].has_cache = true;
+        let image = CombinedImage::new(&blocks, vec![1.0]);
+        let all = &image.bias_correction().unwrap().correction;
+        let square = all.iter().map(|own| f64::from(own.x).powi(2)).sum::<f64>() / all.len() as f64;
+        assert!(square < 0.01, "{square}");
     }
 
     #[test]

@@ -27,5 +27,48 @@ pub(super) fn smooth<const N: usize>(
     along(&rows, width, SMOOTHING_RADIUS, height)
 }
 
+/// Means over all cells at most `radius` rows and columns away from each.
+pub(super) fn box_means(values: &[f64], width: usize, height: usize, radius: usize) -> Vec<f64> {
+    let along = |values: &[f64], step: usize, length: usize, lines: usize| {
+        let line = |line: usize| {
+            let first = if step == 1 { line * length } else { line };
+            let mut sums = vec![0.0; length + 1];
+            for index in 0..length {
+                sums[index + 1] = sums[index] + values[first + index * step];
+            }
+            let mean = |center: usize| {
+                let (from, to) = (center.saturating_sub(radius), (center + radius + 1).min(length));
+                (sums[to] - sums[from]) / (to - from) as f64
+            };
+            (0..length).map(mean).collect::<Vec<_>>()
+        };
+        (0..lines).into_par_iter().map(line).collect::<Vec<_>>()
+    };
+    let rows = along(values, 1, width, height).concat();
+    let columns = along(&rows, width, height, width);
+    (0..values.len()).into_par_iter().map(|index| columns[index % width][index / width]).collect()
+}
+
 /// Radius of [`smooth`], pixels.
 const SMOOTHING_RADIUS: usize = 4;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn box_means_are_those_of_the_cells_around() {
+        let (width, height, radius) = (7, 5, 2);
+        let values: Vec<f64> = (0..35).map(|index| f64::from(index * index % 11)).collect();
+        let means = box_means(&values, width, height, radius);
+        for (index, mean) in means.iter().enumerate() {
+            let [x, y] = [index % width, index / width];
+            let own = (0..values.len())
+                .filter(|own| x.abs_diff(own % width) <= radius)
+                .filter(|own| y.abs_diff(own / width) <= radius);
+            let own: Vec<f64> = own.map(|own| values[own]).collect();
+            let expected = own.iter().sum::<f64>() / own.len() as f64;
+            assert!((mean - expected).abs() < 1e-12, "{index}");
+        }
+    }
+}

@@ -172,14 +172,19 @@ fn record_path(record: &SuffixRecord, first: u32) -> u32 {
     first + record.path
 }
 
+/// Side of the squares of pixels in which the bias of a cache of so many suffix paths is averaged.
+pub(super) fn square_side((width, height): (u32, u32), count: u64) -> u32 {
+    let pixels = f64::from(width) * f64::from(height);
+    let side = (PATHS_PER_SQUARE * pixels / count.max(1) as f64).sqrt().ceil() as u32;
+    side.clamp(LEAST_SIDE, width.max(height).max(LEAST_SIDE))
+}
+
 impl CacheBias {
     /// The means of what short paths would have more than the suffix paths themselves, by the half
     /// of the cache that is not their own. theory.md (44j)
     fn new(suffixes: &Suffixes, cache: &SuffixCache, places: &Places, settings: &Settings) -> Self {
         let Settings { width, height, .. } = *settings;
-        let pixels = settings.pixels() as f64;
-        let side = (PATHS_PER_SQUARE * pixels / suffixes.count.max(1) as f64).sqrt().ceil() as u32;
-        let side = side.clamp(LEAST_SIDE, width.max(height).max(LEAST_SIDE));
+        let side = square_side((width, height), suffixes.count);
         let [across, down] = [width, height].map(|own| own.div_ceil(side) as usize);
         let mut sums = vec![(DVec3::ZERO, 0u32); across * down];
         let square = |path: u32| {
