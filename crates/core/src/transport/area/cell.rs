@@ -21,17 +21,14 @@ const CROWD: usize = 48;
 /// those that may send photons or be in front of a solid. The work grows faster than their number,
 /// since each is tested against the others.
 ///
-/// Measured in `scenes/hall` (1.5 million triangles) at four times its radius, 180x120 pixels,
-/// 100,000 light paths, one thread, 2 cores shared with other work, on top of a9793da: without a
-/// bound merging takes 55 % of the first iteration, with 256 triangles 50 %, with 128 45 %, with 64
-/// 33 %. With 128, 11 % of the cells exceed the bound. At the radius of the scene 0.2 % of the
-/// cells do, and the times are equal. At their own radii the other scenes stay below 128, but
-/// `objective` (14 % of the cells); `materials` has up to 115.
-const MAX_KEPT: usize = 128;
+/// Smaller radii cost more noise than large cells cost time, which is spent once. Measured in
+/// classroom, merging at vertex 2 (docs/measurements/areas.md): with 128 triangles, and 32 in
+/// smaller radii, 1.9 times the variance, and .8 times the merging of the first four iterations at
+/// 1280x720.
+const MAX_KEPT: usize = 512;
 
-/// The same where the radius was halved already: a cell of as many triangles takes a sixteenth of
-/// the time.
-const MAX_KEPT_AGAIN: usize = 32;
+/// The same where the radius was halved already.
+const MAX_KEPT_AGAIN: usize = 256;
 
 /// Triangles that are looked at for a cell, over those that are kept at most. It bounds the search
 /// among triangles that do not matter, such as those of glass.
