@@ -7,7 +7,7 @@ FLAGS = --locked
 # a second time, without their feature `default`.
 ALL = --workspace --exclude bdpm-python
 
-.PHONY: setup denoiser mpi build demo docs test check check-long bench memcheck check-package check-python check-notebooks wheel check-report check-mitsuba check-sizes blender check-blender
+.PHONY: setup denoiser mpi build demo docs test check check-long bench memcheck check-package check-python check-notebooks wheel check-report check-mitsuba check-sizes blender check-blender nightly
 
 setup:
 	@scripts/setup.sh
@@ -109,3 +109,7 @@ check-report: setup
 	$(CARGO) test $(FLAGS) $(ALL) --test check -- report:: page::
 	scripts/check-report.sh out/report-quick
 	scripts/check-page.sh out/page
+
+# All checks that are in no other of `.ci/run`, one after the other: some hours on 2 cores.
+nightly: setup
+	scripts/nightly.sh

@@ -483,6 +483,7 @@ def load(
     camera_from: str | PathLike[str] | None = None,
     look_at: Sequence[Sequence[float]] | None = None,
     fov: float | None = None,
+    lights: Sequence[str] | None = None,
 ) -> Scene: ...
 def convert(
     scene: Scene | str | PathLike[str], folder: str | PathLike[str], *, force: bool = False

@@ -229,12 +229,13 @@ impl Scene {
 ///   (0, 1, 0)).
 /// - `fov`: full opening angle of the camera in degrees, across the side to which its own angle
 ///   refers.
+/// - `lights`: names of the only light sources that shine; `*` stands for any characters.
 ///
 /// Raises bdpm.Error with the file and the line that cannot be read.
 #[pyfunction]
 #[pyo3(signature = (
     path, *, camera=None, strict=false, environment=None, sky=None, fallback_light=true, camera_from=None,
-    look_at=None, fov=None
+    look_at=None, fov=None, lights=None
 ))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments")]
 pub fn load(
@@ -248,6 +249,7 @@ pub fn load(
     camera_from: Option<PathBuf>,
     look_at: Option<Vec<[f64; 3]>>,
     fov: Option<f32>,
+    lights: Option<Vec<String>>,
 ) -> PyResult<Scene> {
     let look_at = look_at.map(|vectors| match vectors[..] {
         [position, target] => Ok(LookAt::new(position.into(), target.into(), None)),
@@ -274,7 +276,14 @@ pub fn load(
     let loaded = py.detach(|| {
         let (environment, no_fallback_light) = (environment.as_ref(), !fallback_light);
         let camera_change = CameraChange { from: camera_from.as_deref(), look_at, fov };
-        let options = LoadOptions { camera, strict, environment, no_fallback_light, camera_change };
+        let options = LoadOptions {
+            camera,
+            strict,
+            environment,
+            no_fallback_light,
+            camera_change,
+            lights: lights.as_deref(),
+        };
         load_with(&path, &options)
     });
     Ok(Scene { loaded: loaded.map_err(raised)? })

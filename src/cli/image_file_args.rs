@@ -13,7 +13,7 @@ pub fn image_name(name: &str) -> Result<PathBuf, Infallible> {
 }
 
 /// Tone mapping of an 8-bit picture.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub struct ToneArgs {
     /// Map the colors of the PNG preview by this curve
     #[arg(long, value_name = "CURVE", default_value = "srgb")]
@@ -33,7 +33,7 @@ impl ToneArgs {
 }
 
 /// Format of an image and its preview.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub struct ImageFileArgs {
     #[command(flatten)]
     tone: ToneArgs,

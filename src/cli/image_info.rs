@@ -6,6 +6,7 @@ use bdpm::Settings;
 use bdpm::base::error::{Error, Result};
 use bdpm::image_io::{ExrSummary, Metadata, NOISY, Value, read_exr_summary};
 use bdpm::load::counted;
+use bdpm::output::light_mix::LIGHTS;
 use bdpm::output::recorded_error::{POOLED_RMS, RecordedDenoisedError, RecordedError};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Number};
@@ -43,6 +44,8 @@ struct Origin {
     backend: Option<String>,
     camera: Option<String>,
     iterations: Option<f64>,
+    /// Names of its only light sources, or of those that were mixed.
+    lights: Option<String>,
     settings: Map<String, serde_json::Value>,
     /// Steps with counts, iterations and weights.
     plan: Option<Vec<PlanStep>>,
@@ -149,6 +152,7 @@ impl Origin {
             backend: take_text(&mut facts, "backend"),
             camera: take_text(&mut facts, "camera"),
             iterations: take_number(&mut facts, "iterations"),
+            lights: take_text(&mut facts, LIGHTS),
             settings,
             plan,
             error,
@@ -192,11 +196,11 @@ impl Rows {
     }
 
     fn add_origin(&mut self, origin: &Origin, layers: &[LayerReport]) {
-        let Origin { scene, fingerprint, camera, backend, iterations, .. } = origin;
+        let Origin { scene, fingerprint, camera, backend, iterations, lights, .. } = origin;
         if let (Some(scene), Some(fingerprint)) = (scene, fingerprint) {
             self.add("scene", format!("{scene} (fingerprint {fingerprint})"));
         }
-        for (name, value) in [("camera", camera), ("backend", backend)] {
+        for (name, value) in [("camera", camera), ("backend", backend), ("lights", lights)] {
             if let Some(value) = value {
                 self.add(name, value);
             }
@@ -229,7 +233,10 @@ impl Rows {
             None => "not stated: only finished automatic renders state it".into(),
         };
         let of = if has_denoised || replaced { ", before denoising" } else { "" };
-        self.add("relative error", format!("{error}{of}"));
+        // A mixture of denoised images has no other error.
+        if origin.error.is_some() || has_denoised || origin.denoised_error.is_none() {
+            self.add("relative error", format!("{error}{of}"));
+        }
         let denoised = match origin.denoised_error {
             Some(RecordedDenoisedError { total, interval }) => {
                 Some(error_text(total, interval.as_ref()))

@@ -51,6 +51,8 @@ struct InfoReport<'a> {
     size: f32,
     accel: AccelSummary<'a>,
     lights: LightSummary,
+    /// Names of the light sources, for `--lights`.
+    light_sources: Vec<String>,
     camera: CameraSummary,
     regions: Vec<&'a str>,
     settings: &'a Settings,
@@ -234,6 +236,7 @@ impl<'a> InfoReport<'a> {
                 environment: scene.lights().environment().is_some(),
                 power: scene.lights().power().to_array(),
             },
+            light_sources: scene.light_sources().into_iter().map(|(_, name)| name).collect(),
             camera: CameraSummary {
                 position: scene.in_file(scene.camera.position()).to_array(),
                 direction: scene.camera.direction().to_array(),
@@ -299,12 +302,9 @@ impl Rows {
 
     fn add_lights_and_camera(&mut self, report: &InfoReport) {
         let InfoReport { lights, camera, read, .. } = report;
-        let named = match &read.light_names[..] {
-            [] => String::new(),
-            some => format!(": {}", names(some)),
-        };
         let power = numbers(lights.power.map(f64::from));
-        self.add("lights", format!("{}, {power} W in total{named}", lights.text()));
+        self.add("lights", format!("{}, {power} W in total", lights.text()));
+        self.add("light sources", names(&report.light_sources));
         let direction = camera.direction.map(f64::from);
         let (at, toward) = (numbers(camera.position), numbers(direction));
         self.add("camera", format!("at {at} toward {toward}: {}", camera.optics.text()));

@@ -21,8 +21,10 @@ mod image_info;
 mod info;
 mod interrupts;
 mod layers;
+mod light_groups;
 mod measure;
 mod merge;
+mod mix;
 mod optimize;
 mod option_groups;
 mod option_hints;
@@ -85,6 +87,8 @@ enum Command {
     Daylight(Box<daylight::Args>),
     /// Merge the parts that `render --part` rendered on several machines
     Merge(merge::Args),
+    /// Mix images of single light sources, each as bright as wanted
+    Mix(mix::Args),
     /// Measure noise coefficients of a scene, which predict it at any path counts
     Analyze(analyze::Args),
     /// Predict the noise at other path counts from the file of `analyze`
@@ -187,6 +191,7 @@ fn run_other(command: Command) -> Result<String> {
         Command::Render(_) | Command::Measure(_) => unreachable!("they have more than a text"),
         Command::Daylight(args) => daylight::run(&args),
         Command::Merge(args) => merge::run(&args),
+        Command::Mix(args) => mix::run(&args),
         Command::Analyze(args) => analyze::run(&args),
         Command::Predict(args) => predict::run(&args),
         Command::Optimize(args) => optimize::run(&args),
@@ -285,7 +290,7 @@ fn reported(
 }
 
 /// Arguments for the scene and its settings.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 struct SceneArgs {
     /// Read a .toml, .gltf, .glb, .obj, .xml or .pbrt file, or a folder with scene.toml
     #[arg(value_name = "SCENE")]
@@ -339,7 +344,7 @@ impl SceneArgs {
 }
 
 /// Arguments that change the camera.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 struct CameraArgs {
     /// Move the camera: position, target and optionally up, such as 0,1,5,0,1,0
     #[arg(
@@ -370,7 +375,7 @@ impl CameraArgs {
 }
 
 /// Arguments for light that the scene file does not define.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 struct LightArgs {
     /// Replace the environment by an .exr or .hdr file, or a radiance such as 1
     #[arg(long, value_name = "FILE|RADIANCE", allow_negative_numbers = true)]
@@ -381,21 +386,29 @@ struct LightArgs {
     /// Add no default light to a glTF or OBJ file without a usable light source
     #[arg(long)]
     no_fallback_light: bool,
+    /// Let only these light sources shine, by the names that `info` shows; * stands for any
+    /// characters
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    lights: Vec<String>,
 }
 
 impl LightArgs {
     fn is_given(&self) -> bool {
-        let Self { environment, sky, no_fallback_light } = self;
-        environment.is_some() || sky.is_some() || *no_fallback_light
+        let Self { environment, sky, no_fallback_light, lights } = self;
+        environment.is_some() || sky.is_some() || *no_fallback_light || !lights.is_empty()
     }
 
     /// Options for loading a scene.
     fn options<'a>(&'a self, camera: Option<&'a str>, strict: bool) -> LoadOptions<'a> {
-        let Self { environment, sky, no_fallback_light } = self;
-        let environment = environment.as_ref().or(sky.as_ref());
-        let no_fallback_light = *no_fallback_light;
-        let camera_change = CameraChange::default();
-        LoadOptions { camera, strict, environment, no_fallback_light, camera_change }
+        let Self { environment, sky, no_fallback_light, lights } = self;
+        LoadOptions {
+            camera,
+            strict,
+            environment: environment.as_ref().or(sky.as_ref()),
+            no_fallback_light: *no_fallback_light,
+            camera_change: CameraChange::default(),
+            lights: (!lights.is_empty()).then_some(&lights[..]),
+        }
     }
 }
 

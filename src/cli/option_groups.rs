@@ -17,7 +17,7 @@ const GROUPS: &[Group] = &[
     Group { heading: "Main options", common: &["output", "time", "resolution"], other: &[] },
     Group {
         heading: "Scene",
-        common: &["camera", "environment", "sky"],
+        common: &["camera", "environment", "sky", "lights"],
         other: &["look_at", "fov", "camera_from", "no_fallback_light", "strict"],
     },
     Group {
@@ -46,7 +46,7 @@ const GROUPS: &[Group] = &[
     Group {
         heading: "Continue and distribute",
         common: &["checkpoint", "resume"],
-        other: &["checkpoint_every", "plan", "part"],
+        other: &["checkpoint_every", "plan", "part", "light_groups"],
     },
     // After the settings that are in no group.
     Group {

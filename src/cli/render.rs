@@ -4,6 +4,7 @@ use super::dry_run;
 use super::image_file_args::{ImageFileArgs, image_name};
 use super::interrupts::catch_interrupts;
 use super::layers::layer_parser;
+use super::light_groups::{self, LightGroups};
 use super::progress::Progress;
 use super::render_files::{ENLARGED, Outputs, WRITE_ENLARGED_PIXEL, WRITE_PIXEL};
 use super::render_observer::RenderObserver;
@@ -31,9 +32,11 @@ use bdpm::timing::Timings;
 use bdpm::{RenderJob, Stop};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 #[command(mut_args(with_chosen_default), mut_args(with_conflicts))]
 pub struct Args {
     #[command(flatten)]
@@ -44,7 +47,7 @@ pub struct Args {
     crop: Option<[u32; 4]>,
     /// Write the image here, and a PNG preview beside it [default: SCENE.exr]
     #[arg(long, short, value_name = "OUT.exr", value_parser = image_name)]
-    output: Option<PathBuf>,
+    pub output: Option<PathBuf>,
     #[command(flatten)]
     pub files: ImageFileArgs,
     /// Show settings with their origin, candidates of the pilot, and times
@@ -107,6 +110,10 @@ pub struct Args {
     /// Render part I of N of the iterations to --checkpoint, for `merge`
     #[arg(long, value_name = "I/N")]
     part: Option<Shard>,
+    /// Render each group of light sources in turn, for `mix` [default: a group for each name]
+    #[arg(long, value_name = "NAME=LIGHT+LIGHT,...", num_args = 0..=1, require_equals = true)]
+    #[arg(default_missing_value = "", value_parser = light_groups::parse)]
+    pub light_groups: Option<LightGroups>,
 }
 
 /// Start of an image.
@@ -120,7 +127,10 @@ enum ImageStart {
 pub fn run(mut args: Args) -> Result<Output> {
     let ranks = mpi::join()?;
     let result = if ranks.is_first() {
-        render(&args, &*ranks)
+        match &args.light_groups {
+            Some(groups) => light_groups::render(&args, groups, &*ranks),
+            None => render(&args, &*ranks),
+        }
     } else if args.dry_run {
         Ok(Output::default())
     } else {
@@ -138,17 +148,43 @@ pub fn run(mut args: Args) -> Result<Output> {
 
 fn render(args: &Args, ranks: &dyn Ranks) -> Result<Output> {
     // Check the files before any work is done.
-    let start_time = Instant::now();
+    let started = Instant::now();
     args.check_part()?;
     let mut outputs = Outputs::new(args)?;
     let start = args.image_start()?;
     let times = args.timings.as_deref().map(Timings::load).transpose()?;
-    let input = SceneInput::load(&args.session)?;
+    let input = &SceneInput::load(&args.session)?;
     if outputs.spare_inputs(args)? && !args.session.quiet {
         let (preview, other) = (outputs.png.display(), outputs.exr.with_extension("png"));
         say(&format!("note: the preview is {preview}, since {} is not a preview", other.display()));
     }
-    let job = args.job(&input, start, times).started(start_time).reserve_per_pixel(WRITE_PIXEL);
+    let rendering = Rendering { args, input, outputs, start, times, started };
+    render_loaded(rendering, ranks).map(|(output, _)| output)
+}
+
+/// A loaded scene, and how its image is made.
+pub struct Rendering<'a> {
+    args: &'a Args,
+    input: &'a SceneInput,
+    outputs: Outputs,
+    start: ImageStart,
+    times: Option<Timings>,
+    /// Start of the time that was given.
+    started: Instant,
+}
+
+impl<'a> Rendering<'a> {
+    /// A new image of a scene that was loaded before the time begins.
+    pub fn new(args: &'a Args, input: &'a SceneInput) -> Result<Self> {
+        let (outputs, started) = (Outputs::new(args)?, Instant::now());
+        Ok(Self { args, input, outputs, start: ImageStart::New, times: None, started })
+    }
+}
+
+/// Renders and writes an image. Returns also whether it was interrupted.
+pub fn render_loaded(own: Rendering, ranks: &dyn Ranks) -> Result<(Output, bool)> {
+    let Rendering { args, input, outputs, start, times, started } = own;
+    let job = args.job(input, start, times).started(started).reserve_per_pixel(WRITE_PIXEL);
     let asks_for_more =
         !args.layers.is_empty() || outputs.checkpoint.is_some() || outputs.false_color.is_some();
     let job = job.fewer_pixels((!asks_for_more).then_some(WRITE_ENLARGED_PIXEL));
@@ -158,16 +194,17 @@ fn render(args: &Args, ranks: &dyn Ranks) -> Result<Output> {
             say(&format!("warning: {warning}"));
         }
         if args.verbose {
-            verbose::before_render(args, &input, &outline).iter().for_each(|line| say(line));
+            verbose::before_render(args, input, &outline).iter().for_each(|line| say(line));
         }
-        let text = dry_run::report(&outline, &input, &outputs, args.session.scene.json);
-        return Ok(text.into());
+        let text = dry_run::report(&outline, input, &outputs, args.session.scene.json);
+        return Ok((text.into(), false));
     }
     let progress = Progress::new(args.session.progress_format());
-    let job = job.interrupted_by(catch_interrupts(progress.clone())?);
-    let mut observer = RenderObserver::new(args, &input, outputs, progress);
+    let interrupt = catch_interrupts(progress.clone())?;
+    let job = job.interrupted_by(Arc::clone(&interrupt));
+    let mut observer = RenderObserver::new(args, input, outputs, progress);
     let result = job.run_on(ranks, |event| observer.observe(event))?;
-    observer.finish(result)
+    Ok((observer.finish(result)?, interrupt.load(Ordering::Relaxed)))
 }
 
 /// Renders as rank 1 or a later one.

@@ -19,6 +19,7 @@ use bdpm::output::denoise;
 use bdpm::output::denoise::Denoised;
 use bdpm::output::enlarge;
 use bdpm::output::layers::{LayerName, LayerSelection};
+use bdpm::output::light_mix::LIGHTS;
 use bdpm::output::recorded_camera::record;
 use bdpm::output::recorded_error::{RecordedDenoisedError, RecordedError, record_pooled_rms};
 use bdpm::output::recorded_gamut::record_gamut;
@@ -204,6 +205,8 @@ pub struct Writer {
     layers: LayerSelection,
     exr_format: ExrFormat,
     tone_mapping: ToneMapping,
+    /// Names of the only light sources, if they were chosen.
+    lights: Vec<String>,
     /// Time of all files.
     pub time: Duration,
     /// Time of the latest checkpoint.
@@ -217,9 +220,16 @@ impl Writer {
             layers: LayerSelection::new(layers),
             exr_format: files.exr_format(),
             tone_mapping: files.tone_mapping(),
+            lights: Vec::new(),
             time: Duration::ZERO,
             checkpoint_time: None,
         }
+    }
+
+    /// States these names of light sources in images.
+    #[must_use]
+    pub fn with_lights(self, lights: &[String]) -> Self {
+        Self { lights: lights.to_vec(), ..self }
     }
 
     pub fn save_checkpoint(&mut self, state: &RenderState, attempts: &mut Attempts) {
@@ -249,6 +259,9 @@ impl Writer {
             }
             if let Some(error) = errors.denoised {
                 error.record(&mut facts);
+            }
+            if !self.lights.is_empty() {
+                facts.insert(LIGHTS.into(), Value::Text(self.lights.join(", ")));
             }
             record(state.camera(), &mut facts);
             record_gamut(state.renderer.scene_and_accel().0, &mut facts);
@@ -312,9 +325,7 @@ impl Writer {
             record_pooled_rms(&mut metadata, variance.sqrt());
         }
         if self.outputs.false_color.is_some() {
-            let efficacy = Value::Number(f64::from(LUMENS_PER_WATT));
-            metadata.insert("luminance unit".into(), Value::Text("cd/m2".into()));
-            metadata.insert("luminance in lumens per watt".into(), efficacy);
+            record_efficacy(&mut metadata);
         }
         let layers = denoised.into_iter().flat_map(denoise::layers).collect();
         let mut image = Image { width, height, layers, metadata };
@@ -369,9 +380,7 @@ impl Writer {
         }
         layers.extend(self.layers.layers(shared, combined, rows, &pixels));
         if self.outputs.false_color.is_some() {
-            let shown = picture.unwrap_or(&pixels);
-            let values = shown.iter().map(|pixel| LUMENS_PER_WATT * luminance(*pixel)).collect();
-            layers.push(Layer { name: "luminance".into(), channels: vec![("Y".into(), values)] });
+            layers.push(luminance_layer(picture.unwrap_or(&pixels)));
         }
         layers
     }
@@ -417,8 +426,21 @@ impl Writer {
     }
 }
 
+/// States the unit of [`luminance_layer`].
+pub fn record_efficacy(metadata: &mut Metadata) {
+    let efficacy = Value::Number(f64::from(LUMENS_PER_WATT));
+    metadata.insert("luminance unit".into(), Value::Text("cd/m2".into()));
+    metadata.insert("luminance in lumens per watt".into(), efficacy);
+}
+
+/// The luminance of pixels, cd/m^2.
+pub fn luminance_layer(pixels: &[Rgb]) -> Layer {
+    let values = pixels.iter().map(|pixel| LUMENS_PER_WATT * luminance(*pixel)).collect();
+    Layer { name: "luminance".into(), channels: vec![("Y".into(), values)] }
+}
+
 /// Writes the luminance of pixels in false colors with a legend, cd/m^2, on a logarithmic scale.
-fn write_luminance(path: &Path, (width, height): (u32, u32), pixels: &[Rgb]) -> Result<()> {
+pub fn write_luminance(path: &Path, (width, height): (u32, u32), pixels: &[Rgb]) -> Result<()> {
     let values: Vec<f64> =
         pixels.iter().map(|pixel| f64::from(LUMENS_PER_WATT * luminance(*pixel))).collect();
     let grid = ValueGrid::new(width, height, &values);

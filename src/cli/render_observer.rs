@@ -42,7 +42,8 @@ impl<'a> RenderObserver<'a> {
         outputs: Outputs,
         progress: Progress,
     ) -> Self {
-        let writer = Writer::new(outputs, &args.layers, &args.files);
+        let lights = &args.session.scene.light.lights;
+        let writer = Writer::new(outputs, &args.layers, &args.files).with_lights(lights);
         let page = args.report.clone().map(Page::new);
         Self { args, input, writer, schedule: None, page, view: None, progress, blocks: 0 }
     }

@@ -15,7 +15,7 @@ use rayon::ThreadPool;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub struct SessionArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
@@ -63,6 +63,12 @@ impl SceneInput {
             print_notes(&loaded.warnings);
         }
         Ok(Self { threads, loaded, load_time })
+    }
+
+    /// The same with another scene.
+    pub fn with_scene(&self, scene: Arc<Scene>) -> Self {
+        let loaded = Loaded { scene, ..self.loaded.clone() };
+        Self { threads: Arc::clone(&self.threads), loaded, load_time: self.load_time }
     }
 
     /// A job that renders the scene with the settings of the command line.

@@ -15,7 +15,7 @@ macro_rules! options {
     ($($(#[$meta:meta])+ $name:ident: $type:ty,)+) => {
         /// Settings of an image. A setting without an option is that of the scene file, or the
         /// default.
-        #[derive(clap::Args)]
+        #[derive(Clone, clap::Args)]
         pub struct SettingsArgs {
             $($(#[$meta])+ pub $name: Option<$type>,)+
         }

@@ -24,6 +24,7 @@ pub const SUBCOMMANDS: [&str; 18] = [
     "measure",
     "daylight",
     "merge",
+    "mix",
     "denoise",
     "tone",
     "compare",

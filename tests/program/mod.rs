@@ -10,6 +10,7 @@ mod glare;
 mod goniometer;
 mod image_info;
 mod interrupts;
+mod light_groups;
 mod limits;
 mod measure;
 mod measure_dark;

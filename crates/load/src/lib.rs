@@ -6,6 +6,7 @@
 
 mod camera_change;
 mod checks;
+mod chosen_lights;
 mod convert;
 mod default_camera;
 mod default_light;
@@ -15,6 +16,7 @@ mod summary;
 
 pub use bdpm_import::NamedMesh;
 pub use camera_change::{CameraChange, LookAt};
+pub use chosen_lights::{chosen, matches};
 pub use convert::{Converted, convert};
 pub use summary::{SceneSummary, counted};
 
@@ -65,6 +67,8 @@ pub struct LoadOptions<'a> {
     pub no_fallback_light: bool,
     /// Changes of the camera of the scene.
     pub camera_change: CameraChange<'a>,
+    /// Names of the only light sources that shine, in which `*` stands for any characters.
+    pub lights: Option<&'a [String]>,
 }
 
 /// Loads a `.toml` scene file, a folder that holds `scene.toml`, a `.gltf`, `.glb` or `.obj` file,
@@ -81,8 +85,8 @@ pub fn load(path: impl AsRef<Path>) -> Result<Loaded> {
 /// Loads a scene as [`load`] does, with options.
 ///
 /// # Errors
-/// In the cases of [`load`], if the file has no camera of the requested name, or if anything was
-/// skipped and [`LoadOptions::strict`] is set.
+/// In the cases of [`load`], if the file has no camera or light source of a requested name, or if
+/// anything was skipped and [`LoadOptions::strict`] is set.
 pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     complete(read(path, &options.import())?, path, options)
 }
@@ -132,7 +136,7 @@ fn complete(imported: Imported, path: &Path, options: &LoadOptions) -> Result<Lo
         mut defaults,
         meters,
         mut warnings,
-        names,
+        mut names,
         mut assembly,
     } = imported;
     let change = options.camera_change;
@@ -154,6 +158,11 @@ fn complete(imported: Imported, path: &Path, options: &LoadOptions) -> Result<Lo
         assembly += start.elapsed();
     }
     checks::require_light(&scene).map_err(|error| error.at(&file))?;
+    if let Some(patterns) = options.lights {
+        let only = chosen(&scene, patterns).and_then(|sources| scene.with_only(&sources));
+        scene = only.map_err(|error| error.at(&file))?;
+        names.lights.retain(|name| patterns.iter().any(|pattern| matches(pattern, name)));
+    }
     if options.strict {
         checks::require_complete(&warnings).map_err(|error| error.at(path))?;
     }

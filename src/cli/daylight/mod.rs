@@ -12,7 +12,7 @@ use bdpm::daylight::{DaylightJob, DaylightSet, DaylightYear, Thresholds};
 use bdpm::import::read_meters;
 use bdpm::job::thread_pool;
 use bdpm::light::weather::Weather;
-use bdpm::load::{CameraChange, LoadOptions, Loaded, load_with};
+use bdpm::load::{LoadOptions, Loaded, load_with};
 use bdpm::measurement::Estimated;
 use bdpm::scene::MeterSet;
 use bdpm::scene::backend::Backend;
@@ -101,14 +101,9 @@ fn hours(text: &str) -> std::result::Result<[f64; 2], String> {
 
 /// The scene and the meters.
 fn load(args: &Args) -> Result<(Loaded, Vec<MeterSet>)> {
-    let options = LoadOptions {
-        camera: None,
-        strict: args.strict,
-        environment: None,
-        // Lamps do not count.
-        no_fallback_light: true,
-        camera_change: CameraChange::default(),
-    };
+    // Lamps do not count.
+    let no_fallback_light = true;
+    let options = LoadOptions { strict: args.strict, no_fallback_light, ..LoadOptions::default() };
     let loaded = load_with(&args.scene, &options)?;
     if !args.quiet {
         say(&format!("read {}", loaded.summary));

@@ -126,11 +126,12 @@ impl CoatedVertices {
 }
 
 /// Hits of these materials may be shaded by [`Scene::coated_vertices`]. Those of others emit,
-/// bend normals by a map, disperse, or bound media.
+/// bend normals by a map, vary in roughness, disperse, or bound media.
 pub(super) fn coated_base(material: &Material) -> CoatedBase {
     let is_plain = material.emission == Rgb::ZERO
         && material.luminous_opening.is_none()
         && material.normal_map.is_none()
+        && material.metallic_roughness_texture.is_none()
         && material.dispersion.is_none()
         && material.boundary.is_none();
     if is_plain { CoatedBase::of(&material.bsdf) } else { CoatedBase::default() }
@@ -167,6 +168,8 @@ impl Scene {
         match self.materials[at.material[lane] as usize].bsdf {
             Bsdf::Lambertian { two_sided, .. } => Bsdf::Lambertian { albedo, two_sided },
             Bsdf::Plastic(plastic) => Bsdf::Plastic(plastic.with_albedo(albedo)),
+            Bsdf::Coated(coated) => Bsdf::Coated(coated.with_albedo(albedo)),
+            Bsdf::Glossy(glossy) => Bsdf::Glossy(glossy.with_albedo(albedo)),
             other => other,
         }
     }

@@ -245,6 +245,14 @@ pub const COMBINATIONS: &[Combination] = &[
         "No part knows the error of the image.",
     ),
     usage(["--part", "--timings"], &["timings"], "A part chooses nothing."),
+    usage(
+        [
+            "--light-groups",
+            "--plan|--resume|--checkpoint|--part|--noise|--report|--view|--timings|--dry-run",
+        ],
+        &["plan", "resume", "checkpoint", "part", "noise", "report", "view", "timings", "dry_run"],
+        "Each group is an image of its own: render it by --lights.",
+    ),
     weakened(
         ["--noise", "path counts that are chosen"],
         "Counts are equal in all pixels: coefficients of single pixels belong to one pair of counts.",

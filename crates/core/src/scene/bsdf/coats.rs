@@ -1,14 +1,14 @@
-//! Diffuse bases under coats, sixteen at a time: surfaces that are Lambertian or [`Plastic`].
+//! Diffuse bases under coats, sixteen at a time: surfaces that are Lambertian, [`Plastic`],
+//! [`Coated`](super::Coated), or [`Glossy`] without metal.
 //!
-//! The formulas are those of `layers`, `plastic` and
-//! `facets`. Directions are in scene space: facets of coats are isotropic, so that
+//! The formulas are those of `layers`, `plastic`, `glossy` and `facets`. Directions are in scene space: facets of coats are isotropic, so that
 //! cosines and distances from the normal say everything. Loops over lanes have neither calls nor
 //! branches, so that they become vector instructions.
 
 use super::facets::{FacetModel, Facets};
 use super::ggx::reflect;
-use super::plastic::COEFFICIENTS;
-use super::{Bsdf, DIFFUSE_ALPHA, Plastic, fresnel};
+use super::plastic::{COEFFICIENTS, coefficients};
+use super::{Bsdf, DIFFUSE_ALPHA, Glossy, Plastic, fresnel};
 use crate::base::math::{Frame, Rgb, cosine_hemisphere, exp_minus};
 use crate::simd::{LANES, Mask, Vec3s, bits, lanes_of};
 use bytemuck::{Pod, Zeroable};
@@ -24,11 +24,13 @@ pub(in crate::scene) struct CoatedBase {
     pub flags: u32,
     /// Factor of the light that the coat reflects.
     tint: Rgb,
+    /// Refractive index; with [`Self::IS_SCHLICK`] the reflectance at normal incidence.
     eta: f32,
     /// Width of the facets; 0 if the coat is smooth, 1 without a coat.
     alpha: f32,
     mean_transmittance: f32,
-    /// Mean reflectance of diffuse light from inside; 0 without a coat.
+    /// Mean reflectance of diffuse light from inside; 0 without a coat. With
+    /// [`Self::IS_SCHLICK`], of diffuse light from outside.
     inside: f32,
     /// 1 if reflections between base and coat take on the color of the base, else 0.
     saturates: f32,
@@ -43,13 +45,28 @@ impl CoatedBase {
     const TWO_SIDED: u32 = 4;
     const IS_BECKMANN: u32 = 8;
     const IS_CORRELATED: u32 = 16;
+    /// The coat reflects by Schlick's approximation: [`Glossy`].
+    const IS_SCHLICK: u32 = 32;
 
     /// The base of a BSDF; without [`Self::IS_BASE`] if it is of another kind.
     pub fn of(bsdf: &Bsdf) -> Self {
         match bsdf {
             Bsdf::Lambertian { albedo, two_sided } => Self::without_coat(*albedo, *two_sided),
             Bsdf::Plastic(plastic) => Self::of_plastic(plastic),
-            _ => Self::default(),
+            Bsdf::Coated(coated) => {
+                let smooth = Facets { model: FacetModel::Ggx, alpha: 0.0 };
+                Self::of_plastic(&Plastic::new(coated.albedo(), coated.eta(), smooth, true))
+            }
+            Bsdf::Glossy(glossy) if glossy.metallic() == 0.0 => Self::of_glossy(glossy),
+            Bsdf::Glossy(_)
+            | Bsdf::Mirror { .. }
+            | Bsdf::Dielectric(_)
+            | Bsdf::ThinDielectric(_)
+            | Bsdf::Conductor(_)
+            | Bsdf::RoughDielectric(_)
+            | Bsdf::Principled(_)
+            | Bsdf::DiffuseTransmission(_)
+            | Bsdf::Klems(_) => Self::default(),
         }
     }
 
@@ -79,6 +96,23 @@ impl CoatedBase {
             inside: means.inside,
             saturates: f32::from(u8::from(plastic.is_nonlinear())),
             transmittance: means.transmittance,
+        }
+    }
+
+    /// A glossy surface without metal.
+    fn of_glossy(glossy: &Glossy) -> Self {
+        let flags = Self::IS_BASE | Self::HAS_COAT | Self::TWO_SIDED;
+        let mean_transmittance = glossy.mean_enters();
+        Self {
+            albedo: glossy.albedo(),
+            flags: flags | Self::IS_CORRELATED | Self::IS_SCHLICK,
+            tint: Rgb::ONE,
+            eta: glossy.normal_reflectance(),
+            alpha: glossy.alpha(),
+            mean_transmittance,
+            inside: 1.0 - mean_transmittance,
+            saturates: 0.0,
+            transmittance: coefficients(|cos| glossy.enters(cos)),
         }
     }
 }
@@ -169,10 +203,21 @@ impl CoatedBases {
         self.flags[lane] & flag != 0
     }
 
-    /// [`Plastic`]'s share of the light from the cosine `cos` that enters the coat.
+    /// Reflected share of a facet that is seen at this cosine.
+    #[inline(always)]
+    fn reflectance(&self, lane: usize, cos: f32) -> f32 {
+        let eta = self.eta[lane];
+        let grazing = (1.0 - cos).max(0.0);
+        let grazing2 = grazing * grazing;
+        let schlick = eta + (1.0 - eta) * (grazing2 * grazing2 * grazing);
+        let dielectric = fresnel::dielectric(cos, eta).0;
+        if self.has(CoatedBase::IS_SCHLICK, lane) { schlick } else { dielectric }
+    }
+
+    /// Share of the light from the cosine `cos` that enters the coat.
     #[inline(always)]
     fn transmittance(&self, lane: usize, cos: f32) -> f32 {
-        let smooth = 1.0 - fresnel::dielectric(cos, self.eta[lane]).0;
+        let smooth = 1.0 - self.reflectance(lane, cos);
         let t = &self.transmittance;
         let x = 2.0 * cos - 1.0;
         let x2 = x * x;
@@ -241,7 +286,8 @@ impl SeenCoats {
             let saturates = coats.saturates[lane];
             let again = albedo * saturates + (1.0 - saturates);
             let saturation = (Rgb::ONE - again * coats.inside[lane]).max(Rgb::splat(1e-6));
-            let eta2 = coats.eta[lane] * coats.eta[lane];
+            let is_schlick = coats.has(CoatedBase::IS_SCHLICK, lane);
+            let eta2 = if is_schlick { 1.0 } else { coats.eta[lane] * coats.eta[lane] };
             seen.albedo.set(lane, albedo);
             seen.base.set(lane, albedo * FRAC_1_PI / (eta2 * saturation));
         }
@@ -351,7 +397,7 @@ impl SeenCoats {
             let g2 = if is_correlated { 1.0 + lambda_o + lambda_i } else { apart }.recip();
             let d = density / (4.0 * cos_o);
             let is_lobe = is_above & has_coat & (self.coats.alpha[lane] > 0.0);
-            let coat = fresnel::dielectric(wo.dot(m), self.coats.eta[lane]).0 * d * g2 / cos_i;
+            let coat = self.coats.reflectance(lane, wo.dot(m)) * d * g2 / cos_i;
             let pdf_w = prob * d / (1.0 + lambda_o);
             scales.coat[lane] = if is_lobe { coat } else { 0.0 };
             scales.coat_pdf_w[lane] = if is_lobe { pdf_w } else { 0.0 };
@@ -422,8 +468,7 @@ impl SeenCoats {
             let coat_share = if takes_coat { 1.0 } else { 0.0 };
             let value = base * base_share + coat * coat_share;
             let pdf_w = scales.base_pdf_w[lane] * base_share + scales.coat_pdf_w[lane] * coat_share;
-            let mirrored =
-                tint * (fresnel::dielectric(self.cos[lane], self.coats.eta[lane]).0 / prob);
+            let mirrored = tint * (self.coats.reflectance(lane, self.cos[lane]) / prob);
             let weight = if is_delta { mirrored } else { value * (cos_i / pdf_w) };
             let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
             let is_seen = (self.cos[lane] > 0.0) | !has_coat;

@@ -154,6 +154,9 @@ impl Table {
 
     #[inline]
     fn albedos(&self, alpha: f32, cos: f32) -> Vec2 {
+        if alpha == 0.0 {
+            return Vec2::new(1.0, (1.0 - cos).max(0.0).powi(5));
+        }
         let (row, a) = node(alpha);
         let (column, b) = node(cos);
         let along = |row: &[Vec2; NODES]| row[column] + b * (row[column + 1] - row[column]);
@@ -162,6 +165,9 @@ impl Table {
     }
 
     fn means(&self, alpha: f32) -> Vec2 {
+        if alpha == 0.0 {
+            return Vec2::new(1.0, 1.0 / 21.0); // theory.md (24)
+        }
         let (row, a) = node(alpha);
         self.means[row] + a * (self.means[row + 1] - self.means[row])
     }

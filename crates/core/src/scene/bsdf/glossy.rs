@@ -47,10 +47,9 @@ impl Glossy {
 
     fn with_normal(albedo: Rgb, metallic: f32, normal: f32, alpha: f32) -> Self {
         let facets = Ggx { alpha: if alpha < SMOOTH_ALPHA { 0.0 } else { alpha.min(1.0) } };
-        let enters = (1.0 - facets.mean_schlick_albedo(normal)).max(1e-6);
-        let base = (1.0 - metallic) * FRAC_1_PI / enters;
         let multiple = metallic * multiple_scattering(&facets, fresnel::schlick_mean(albedo));
-        Self { albedo, metallic, normal, facets, base, multiple }
+        let own = Self { albedo, metallic, normal, facets, base: 0.0, multiple };
+        Self { base: (1.0 - metallic) * FRAC_1_PI / own.mean_enters(), ..own }
     }
 
     /// The surface with albedo, metallic share and roughness (the square root of the width)
@@ -96,9 +95,20 @@ impl Glossy {
         Rgb::splat(self.normal).lerp(self.albedo, self.metallic)
     }
 
+    /// The surface with another color of the base, and of the metal at normal incidence.
+    #[must_use]
+    pub fn with_albedo(&self, albedo: Rgb) -> Self {
+        Self::with_normal(albedo, self.metallic, self.normal, self.facets.alpha)
+    }
+
+    /// Mean share of diffuse light that enters the dielectric.
+    pub(super) fn mean_enters(&self) -> f32 {
+        (1.0 - self.facets.mean_schlick_albedo(self.normal)).max(1e-6)
+    }
+
     /// Share of the light from the cosine `cos` that enters the dielectric.
     #[inline]
-    fn enters(&self, cos: f32) -> f32 {
+    pub(super) fn enters(&self, cos: f32) -> f32 {
         (1.0 - self.facets.schlick_albedo(cos, self.normal)).max(0.0)
     }
 

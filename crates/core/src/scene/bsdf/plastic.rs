@@ -68,7 +68,6 @@ impl CoatMeans {
     }
 
     fn rough(eta: f32, facets: &Facets) -> Self {
-        let cosine = |i: usize| (i as f32 / (COSINES - 1) as f32).max(1e-6);
         let transmittance =
             std::array::from_fn(|i| scattered_share(facets, cosine(i), eta, FACETS_OUTSIDE, true));
         let mean = |values: [f32; COSINES]| {
@@ -85,6 +84,16 @@ impl CoatMeans {
             inside: mean(reflectance),
         }
     }
+}
+
+/// The cosine of a place of the tables.
+fn cosine(place: usize) -> f32 {
+    (place as f32 / (COSINES - 1) as f32).max(1e-6)
+}
+
+/// [`CoatMeans::transmittance`] of a coat of which light from a cosine enters this share.
+pub(super) fn coefficients(enters: impl Fn(f32) -> f32) -> [f32; COEFFICIENTS] {
+    powers(&chebyshev(&std::array::from_fn(|place| enters(cosine(place)))))
 }
 
 /// Share of the light from a cosine that facets reflect or transmit and neighbors do not shadow: a

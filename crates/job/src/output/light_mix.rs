@@ -1,0 +1,432 @@
+//! Mixtures of images that have the light of single sources each.
+//!
+//! Light adds up: an image with all lights is the sum of images with one of them each, and dimming a
+//! light multiplies its image. Images of different random numbers have independent noise, so that
+//! the variance of a mixture is known for any brightness: theory.md (19e).
+
+use super::recorded_error::{RecordedDenoisedError, RecordedError};
+use bdpm_core::base::error::{Error, Result};
+use bdpm_core::base::math::{Rgb, luminance};
+use bdpm_core::film::radiance::luminance_weights;
+use bdpm_core::image_io::{Image, Layer, Metadata, NOISY, Value};
+use bdpm_core::settings::provenance::Provenance;
+use rayon::prelude::*;
+
+/// Beginning of the names of layers that have the light of a single source.
+const LIGHT: &str = "light.";
+
+/// End of the name of the layer with the noise of such a layer.
+const RMS: &str = ".rms";
+
+/// Attribute of an image with the names of its only light sources.
+pub const LIGHTS: &str = "lights";
+
+/// Layers that do not depend on lights.
+const CONSTANT: [&str; 5] = ["albedo", "normal", "depth", "position", "alpha"];
+
+/// Attributes about the camera and the colors, which mixtures keep.
+const KEPT: [&str; 4] = ["camera", "camera projection", "camera field of view", "negative values"];
+
+/// The image of one light source, or of several that are dimmed together.
+#[derive(Clone, Debug)]
+pub struct LightImage {
+    /// Name of the light.
+    pub name: String,
+    /// Radiance of each pixel, W/(m^2 sr); denoised, if the image was.
+    radiance: Vec<Rgb>,
+    /// Standard error of the luminance of each pixel before denoising, W/(m^2 sr), if it is known.
+    rms: Option<Vec<f32>>,
+    errors: LightErrors,
+}
+
+/// What an image states about itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct LightErrors {
+    /// Relative RMS of the merge bias.
+    bias: f64,
+    /// Relative RMS error after denoising; `None` if the image was not denoised, and not a number
+    /// if it was and the error is not known.
+    denoised: Option<f64>,
+    /// Number that chose the random numbers; `None` if it is not known.
+    seed: Option<u64>,
+}
+
+/// Images of lights, of one size.
+#[derive(Clone, Debug)]
+pub struct LightImages {
+    /// Width and height, pixels.
+    pub size: (u32, u32),
+    /// The images.
+    pub lights: Vec<LightImage>,
+    /// Layers of the first image that do not depend on lights.
+    constant: Vec<Layer>,
+    /// Attributes that mixtures keep.
+    metadata: Metadata,
+}
+
+/// A mixture.
+#[derive(Clone, Debug)]
+pub struct Mixture {
+    /// Radiance of each pixel, W/(m^2 sr).
+    pub radiance: Vec<Rgb>,
+    /// Standard error of the luminance of each pixel before denoising, W/(m^2 sr), if it is known.
+    pub rms: Option<Vec<f32>>,
+    /// Error of `radiance`, if it is known.
+    pub error: Option<MixtureError>,
+}
+
+/// Relative RMS error of a mixture, weighted as errors of images are.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct MixtureError {
+    /// Noise and bias together.
+    pub total: f64,
+    /// Noise alone; of denoised lights all of their error.
+    pub noise: f64,
+    /// Merge bias alone. Biases of lights are taken to add up.
+    pub bias: f64,
+    /// Whether a light is denoised.
+    pub is_denoised: bool,
+}
+
+impl LightImages {
+    /// The lights of image files, each with its name, or a name for those that have none. A mixture
+    /// has the lights that it was mixed from.
+    ///
+    /// # Errors
+    /// If there are no images, their sizes differ, an image has no radiance, or two lights have one
+    /// name.
+    pub fn new(images: Vec<(String, Image)>) -> Result<Self> {
+        let Some((_, first)) = images.first() else {
+            return Err(Error::new("there is no image to mix", "give images of light sources"));
+        };
+        let size = (first.width, first.height);
+        let constant = first.layers.iter().filter(|layer| CONSTANT.contains(&&layer.name[..]));
+        let kept = first.metadata.iter().filter(|(name, _)| KEPT.contains(&&name[..]));
+        let mut all = Self {
+            size,
+            lights: Vec::new(),
+            constant: constant.cloned().collect(),
+            metadata: kept.map(|(name, value)| (name.clone(), value.clone())).collect(),
+        };
+        for (name, image) in images {
+            if (image.width, image.height) != size {
+                let problem = format!(
+                    "`{name}` has {}x{} pixels, and the first image {}x{}",
+                    image.width, image.height, size.0, size.1
+                );
+                return Err(Error::new(problem, "render all lights at one size"));
+            }
+            all.lights.extend(lights_of(&name, image)?);
+        }
+        for (index, light) in all.lights.iter().enumerate() {
+            if all.lights[..index].iter().any(|other| other.name == light.name) {
+                let problem = format!("two images have the light `{}`", light.name);
+                return Err(Error::new(problem, "give each light once"));
+            }
+        }
+        Ok(all)
+    }
+
+    /// The mixture in which each light has its factor of this list, for each channel.
+    pub fn mixture(&self, factors: &[Rgb]) -> Mixture {
+        let pixels = self.lights[0].radiance.len();
+        let lights: Vec<(&LightImage, Rgb)> =
+            self.lights.iter().zip(factors.iter().copied()).collect();
+        let sum = |pixel: usize| -> Rgb {
+            lights.iter().map(|(own, factor)| own.radiance[pixel] * *factor).sum()
+        };
+        let radiance: Vec<Rgb> = (0..pixels).into_par_iter().map(sum).collect();
+        let shining: Vec<Shining> = lights
+            .iter()
+            .map(|(own, factor)| Shining::new(own, f64::from(factor.abs().max_element())))
+            .filter(|own| own.factor > 0.0)
+            .collect();
+        let noise = |pixel: usize| variance(&shining, |own| own.light.rms_at(pixel));
+        let has_rms = shining.iter().all(|own| own.light.rms.is_some());
+        let rms = has_rms
+            .then(|| (0..pixels).into_par_iter().map(|pixel| noise(pixel).sqrt() as f32).collect());
+        let error = MixtureError::new(&shining, &radiance);
+        Mixture { radiance, rms, error }
+    }
+
+    /// The file of a mixture, with the lights as layers that add up to the image.
+    pub fn image(&self, factors: &[Rgb], mixture: &Mixture) -> Image {
+        let (width, height) = self.size;
+        let mut layers = vec![Layer::rgb("", &mixture.radiance)];
+        let single =
+            |name: String, values: Vec<f32>| Layer { name, channels: vec![("Y".into(), values)] };
+        layers.extend(mixture.rms.iter().map(|rms| single("rms".into(), rms.clone())));
+        let mut metadata = self.metadata.clone();
+        for (light, factor) in self.lights.iter().zip(factors) {
+            let name = format!("{LIGHT}{}", light.name);
+            let scaled: Vec<Rgb> = light.radiance.iter().map(|own| *own * *factor).collect();
+            layers.push(Layer::rgb(&name, &scaled));
+            let factor = factor.abs().max_element();
+            if let Some(rms) = &light.rms {
+                let scaled = rms.iter().map(|own| factor * own).collect();
+                layers.push(single(format!("{name}{RMS}"), scaled));
+            }
+            light.errors.record(&name, &mut metadata);
+        }
+        layers.extend(self.constant.iter().cloned());
+        let names: Vec<&str> = self.lights.iter().map(|own| &own.name[..]).collect();
+        metadata.insert(LIGHTS.into(), Value::Text(names.join(", ")));
+        let version = env!("CARGO_PKG_VERSION");
+        metadata.insert("version".into(), Value::Text(version.into()));
+        match mixture.error {
+            Some(MixtureError { total, is_denoised: true, .. }) => {
+                RecordedDenoisedError { total, interval: None }.record(&mut metadata);
+            }
+            Some(MixtureError { total, noise, bias, .. }) => {
+                RecordedError { total, noise, bias, interval: None }.record(&mut metadata);
+            }
+            None => {}
+        }
+        Image { width, height, layers, metadata }
+    }
+}
+
+/// The lights of an image: its layers of single lights, or itself.
+fn lights_of(name: &str, image: Image) -> Result<Vec<LightImage>> {
+    let rms_of = |name: &str| {
+        let layer = image.layer(&format!("{name}{RMS}"))?;
+        layer.channel("Y").map(<[f32]>::to_vec)
+    };
+    let is_light = |layer: &&Layer| layer.name.starts_with(LIGHT) && !layer.name.ends_with(RMS);
+    let layers = image.layers.iter().filter(is_light);
+    let lights: Vec<LightImage> = layers
+        .filter_map(|layer| {
+            Some(LightImage {
+                name: layer.name[LIGHT.len()..].to_owned(),
+                radiance: layer.to_rgb()?,
+                rms: rms_of(&layer.name),
+                errors: LightErrors::read(&layer.name, &image.metadata),
+            })
+        })
+        .collect();
+    if !lights.is_empty() {
+        return Ok(lights);
+    }
+    let radiance = image.layer("").and_then(Layer::to_rgb).ok_or_else(|| {
+        Error::new(format!("`{name}` has no channels R, G and B"), "give an RGB image")
+    })?;
+    let own = match image.metadata.get(LIGHTS) {
+        Some(Value::Text(lights)) => lights,
+        _ => name,
+    };
+    let rms = image.layer("rms").and_then(|layer| layer.channel("Y")).map(<[f32]>::to_vec);
+    let errors = LightErrors::of(&image);
+    // Channels of a layer are told by the last dot of their names.
+    Ok(vec![LightImage { name: own.replace('.', "_"), radiance, rms, errors }])
+}
+
+impl LightErrors {
+    /// What an image of a render states.
+    fn of(image: &Image) -> Self {
+        let Image { metadata, .. } = image;
+        let error = RecordedError::read(metadata);
+        let denoised = RecordedDenoisedError::read(metadata).map(|own| own.total);
+        let is_denoised = image.layer(NOISY).is_some();
+        Self {
+            bias: error.map_or(0.0, |own| own.bias),
+            denoised: is_denoised.then(|| denoised.unwrap_or(f64::NAN)),
+            seed: Provenance::from_metadata(metadata).ok().map(|own| own.settings.seed),
+        }
+    }
+
+    fn record(&self, layer: &str, metadata: &mut Metadata) {
+        let mut add = |fact: &str, value| metadata.insert(format!("{layer} {fact}"), value);
+        add("bias", Value::Number(self.bias));
+        if let Some(error) = self.denoised {
+            add("denoised error", Value::Text(error.to_string()));
+        }
+        if let Some(seed) = self.seed {
+            add("seed", Value::Text(seed.to_string()));
+        }
+    }
+
+    /// What [`Self::record`] added.
+    fn read(layer: &str, metadata: &Metadata) -> Self {
+        let fact = |fact: &str| metadata.get(&format!("{layer} {fact}"));
+        let text = |name: &str| match fact(name) {
+            Some(Value::Text(text)) => Some(text),
+            _ => None,
+        };
+        let bias = match fact("bias") {
+            Some(&Value::Number(bias)) => bias,
+            _ => 0.0,
+        };
+        let denoised = text("denoised error").and_then(|text| text.parse().ok());
+        Self { bias, denoised, seed: text("seed").and_then(|text| text.parse().ok()) }
+    }
+}
+
+impl LightImage {
+    fn rms_at(&self, pixel: usize) -> f64 {
+        self.rms.as_ref().map_or(f64::NAN, |rms| f64::from(rms[pixel]))
+    }
+}
+
+/// A light of a mixture that is on.
+struct Shining<'a> {
+    light: &'a LightImage,
+    /// Factor of its errors: the largest of all channels.
+    factor: f64,
+    /// What a relative error of 1 is in each pixel: the root of the reciprocal weight.
+    units: Vec<f64>,
+}
+
+impl<'a> Shining<'a> {
+    fn new(light: &'a LightImage, factor: f64) -> Self {
+        let weights = luminance_weights(&luminances(&light.radiance));
+        let units = weights.into_iter().map(|weight| weight.sqrt().recip()).collect();
+        Self { light, factor, units }
+    }
+}
+
+/// Variance of the sum of errors of lights times factors. Errors from the same random numbers may
+/// be those of the same paths, and are taken to add up. theory.md (19e)
+fn variance(lights: &[Shining], error: impl Fn(&Shining) -> f64) -> f64 {
+    let mut sums: Vec<(Option<u64>, f64)> = Vec::new();
+    for own in lights {
+        let (seed, error) = (own.light.errors.seed, own.factor * error(own));
+        match sums.iter_mut().find(|(other, _)| *other == seed) {
+            Some((_, sum)) => *sum += error,
+            None => sums.push((seed, error)),
+        }
+    }
+    sums.into_iter().map(|(_, sum)| sum * sum).sum()
+}
+
+impl MixtureError {
+    /// The error of lights whose sum is `radiance`; `None` if that of a light is not known.
+    fn new(lights: &[Shining], radiance: &[Rgb]) -> Option<Self> {
+        let weights = luminance_weights(&luminances(radiance));
+        let at = |pixel: usize| -> [f64; 2] {
+            let noise = variance(lights, |own| match own.light.errors.denoised {
+                Some(error) => error * own.units[pixel],
+                None => own.light.rms_at(pixel),
+            });
+            let biased = lights.iter().filter(|own| own.light.errors.denoised.is_none());
+            let bias = |own: &Shining| own.factor * own.light.errors.bias * own.units[pixel];
+            let bias: f64 = biased.map(bias).sum();
+            [noise, bias * bias].map(|square| square * weights[pixel])
+        };
+        let each: Vec<[f64; 2]> = (0..radiance.len()).into_par_iter().map(at).collect();
+        let mean = |part: usize| each.iter().map(|own| own[part]).sum::<f64>() / each.len() as f64;
+        let [noise2, bias2] = [mean(0), mean(1)];
+        (noise2 + bias2).is_finite().then(|| Self {
+            total: (noise2 + bias2).sqrt(),
+            noise: noise2.sqrt(),
+            bias: bias2.sqrt(),
+            is_denoised: lights.iter().any(|own| own.light.errors.denoised.is_some()),
+        })
+    }
+}
+
+fn luminances(radiance: &[Rgb]) -> Vec<f64> {
+    radiance.par_iter().map(|own| f64::from(luminance(*own))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bdpm_core::base::rng::{Rng, Stream, StreamKey};
+
+    const SIZE: (u32, u32) = (40, 30);
+    const PIXELS: usize = 1200;
+
+    fn normal(rng: &mut Rng) -> f32 {
+        (0..12).map(|_| rng.next_1d()).sum::<f32>() - 6.0
+    }
+
+    /// The image of a light of this radiance with noise, as a render would write it.
+    fn image(name: &str, (mean, noise): (f32, f32), seed: u64) -> Image {
+        let mut rng = StreamKey::new(seed, Stream::Test, 0).rng(0);
+        let pixels: Vec<Rgb> =
+            (0..PIXELS).map(|_| Rgb::splat(mean + noise * normal(&mut rng))).collect();
+        let rms = Layer { name: "rms".into(), channels: vec![("Y".into(), vec![noise; PIXELS])] };
+        let mut metadata = Metadata::from([(LIGHTS.into(), Value::Text(name.into()))]);
+        let own = f64::from(noise / mean);
+        RecordedError { total: own, noise: own, bias: 0.0, interval: None }.record(&mut metadata);
+        let layers = vec![Layer::rgb("", &pixels), rms];
+        Image { width: SIZE.0, height: SIZE.1, layers, metadata }
+    }
+
+    fn of_seeds(lights: [(&str, (f32, f32), u64); 2]) -> LightImages {
+        let images = lights.map(|(name, light, seed)| (name.to_owned(), image(name, light, seed)));
+        let mut all = LightImages::new(images.into()).unwrap();
+        for (light, (_, _, seed)) in all.lights.iter_mut().zip(lights) {
+            light.errors.seed = Some(seed);
+        }
+        all
+    }
+
+    /// Squared errors of mixtures agree with what is stated: twice the variance of a square, over
+    /// all pixels and runs.
+    #[test]
+    fn errors_of_mixtures_are_those_stated() {
+        for factors in [[1.0, 1.0], [0.3, 2.0], [0.0, 1.0]] {
+            let (mut squares, mut stated, runs) = (0.0, 0.0, 20);
+            for run in 0..runs {
+                let (key, fill) = ((1.0, 0.1), (0.5, 0.2));
+                let all = of_seeds([("key", key, 1 + run), ("fill", fill, 1001 + run)]);
+                let mixture = all.mixture(&factors.map(Rgb::splat));
+                let truth = factors[0] * 1.0 + factors[1] * 0.5;
+                let error = mixture.error.unwrap();
+                stated += error.total.powi(2);
+                let weight = 1.0 / (1.01 * f64::from(truth).powi(2));
+                let square = |own: &Rgb| f64::from(own.x - truth).powi(2) * weight;
+                squares += mixture.radiance.iter().map(square).sum::<f64>() / PIXELS as f64;
+                assert_eq!(error.bias, 0.0);
+                let rms = mixture.rms.unwrap()[7];
+                let expected = (0.1 * factors[0]).hypot(0.2 * factors[1]);
+                assert!((rms - expected).abs() < 1e-6, "{rms}");
+            }
+            let ratio = squares / stated;
+            // The weights know the noise, by less than its square, which is up to .16.
+            let error = (2.0 / (PIXELS as f64 * runs as f64)).sqrt();
+            let known = 3.0 * stated / runs as f64;
+            assert!((ratio - 1.0).abs() < 4.0 * error + known, "{factors:?}: {ratio}");
+        }
+    }
+
+    /// The same random numbers may be the same paths: their errors may add up.
+    #[test]
+    fn errors_of_one_seed_add_up() {
+        let lights = |seed| of_seeds([("key", (1.0, 0.1), 3), ("fill", (1.0, 0.1), seed)]);
+        let rms = |seed| lights(seed).mixture(&[Rgb::ONE; 2]).rms.unwrap()[0];
+        assert!((rms(3) - 0.2).abs() < 1e-6 && (rms(4) - 0.1 * 2f32.sqrt()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn files_of_mixtures_have_their_lights() {
+        let all = of_seeds([("key", (1.0, 0.1), 3), ("fill.2", (0.5, 0.2), 4)]);
+        let factors = [Rgb::new(0.5, 1.0, 2.0), Rgb::ONE];
+        let mixture = all.mixture(&factors);
+        let file = all.image(&factors, &mixture);
+        let again = LightImages::new(vec![("file".into(), file)]).unwrap();
+        let names: Vec<&str> = again.lights.iter().map(|own| &own.name[..]).collect();
+        assert_eq!(names, ["key", "fill_2"]);
+        let same = again.mixture(&[Rgb::ONE; 2]);
+        assert_eq!(same.radiance, mixture.radiance);
+        assert_eq!(same.rms, mixture.rms);
+        let off = again.mixture(&[Rgb::ZERO, Rgb::ONE]);
+        assert_eq!(off.radiance, all.lights[1].radiance);
+        let twice = all.lights.iter().chain(&all.lights);
+        let images = twice.map(|own| (own.name.clone(), image(&own.name, (1.0, 0.1), 1)));
+        let shown = LightImages::new(images.collect()).unwrap_err().to_string();
+        assert!(shown.contains("two images have the light `key`"), "{shown}");
+    }
+
+    #[test]
+    fn denoised_lights_have_the_error_of_the_denoiser_or_none() {
+        let mut all = of_seeds([("key", (1.0, 0.1), 3), ("fill", (1.0, 0.1), 4)]);
+        all.lights[0].errors.denoised = Some(0.05);
+        let error = all.mixture(&[Rgb::ONE, Rgb::ZERO]).error.unwrap();
+        assert!(error.is_denoised && (error.total - 0.05).abs() < 1e-3, "{error:?}");
+        all.lights[0].errors.denoised = Some(f64::NAN);
+        assert!(all.mixture(&[Rgb::ONE; 2]).error.is_none());
+        assert!(all.mixture(&[Rgb::ZERO, Rgb::ONE]).error.is_some(), "the light is off");
+    }
+}
