@@ -21,6 +21,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+/// Least time of a group.
+const LEAST_TIME: Duration = Duration::from_millis(1);
+
 /// Groups by the names of their light sources; without any, each name is a group.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LightGroups(Vec<(String, Vec<String>)>);
@@ -95,7 +98,10 @@ pub fn render(args: &Args, groups: &LightGroups, ranks: &dyn Ranks) -> Result<Ou
             say(&format!("light group {} of {count}: {name}", number + 1));
         }
         let file = temporary.path().join(format!("{number}.exr"));
-        let left = |time: Duration| time.saturating_sub(start.elapsed()) / (count - number) as u32;
+        let left = |time: Duration| {
+            let left = time.saturating_sub(start.elapsed()) / (count - number) as u32;
+            left.max(LEAST_TIME) // An image has at least one iteration.
+        };
         let own = args.of_group((&name, number as u64), &input, (&file, left));
         let scene = Arc::new(input.loaded.scene.with_only(&sources)?);
         let input = input.with_scene(scene);

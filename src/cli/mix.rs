@@ -1,8 +1,8 @@
 //! `bdpm mix IMAGE...`: images of single light sources, each as bright as wanted.
 
 use super::image_file_args::{ImageFileArgs, image_name};
+use super::luminance_files::{luminance_layer, record_efficacy, write_luminance};
 use super::outputs::{self, Attempts, Output};
-use super::render_files::{luminance_layer, record_efficacy, write_luminance};
 use super::{preview, reported};
 use bdpm::base::error::{Error, Result};
 use bdpm::base::math::{Rgb, luminance};

@@ -22,6 +22,7 @@ mod info;
 mod interrupts;
 mod layers;
 mod light_groups;
+mod luminance_files;
 mod measure;
 mod merge;
 mod mix;

@@ -1,6 +1,7 @@
 //! The files of `bdpm render`, and the times at which they are written.
 
 use super::image_file_args::ImageFileArgs;
+use super::luminance_files::{luminance_layer, record_efficacy, write_luminance};
 use super::outputs::{self, Attempts, Output};
 use super::preview;
 use super::progress::Progress;
@@ -9,17 +10,15 @@ use bdpm::adaptive::plan::Plan;
 use bdpm::base::atomic::temporary;
 use bdpm::base::error::{Error, Result};
 use bdpm::base::file_id::{FileId, folder};
-use bdpm::base::math::{Rgb, luminance};
-use bdpm::base::photometry::LUMENS_PER_WATT;
+use bdpm::base::math::Rgb;
 use bdpm::image_io;
 use bdpm::image_io::{DisplayWindow, ExrFormat, Image, Layer, Metadata, NOISY, ToneMapping, Value};
 use bdpm::job::{AuditReport, RelativeError, RenderState, Verdict};
-use bdpm::light::false_color::{ColorScale, FalseColorMap, ValueGrid};
 use bdpm::output::denoise;
 use bdpm::output::denoise::Denoised;
 use bdpm::output::enlarge;
 use bdpm::output::layers::{LayerName, LayerSelection};
-use bdpm::output::light_mix::LIGHTS;
+use bdpm::output::light_mix::{LIGHTS, VARIANCE};
 use bdpm::output::recorded_camera::record;
 use bdpm::output::recorded_error::{RecordedDenoisedError, RecordedError, record_pooled_rms};
 use bdpm::output::recorded_gamut::record_gamut;
@@ -28,7 +27,7 @@ use bdpm::render::block::CombinedImage;
 use bdpm::settings::Crop;
 use bdpm::settings::provenance::Provenance;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Time between checkpoints by default.
@@ -378,6 +377,12 @@ impl Writer {
         if let Some(rms) = combined.rms_rows(rows.clone()) {
             layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
         }
+        if !self.lights.is_empty()
+            && let Some(variance) = combined.variance_of_rows(rows.clone())
+        {
+            let values = variance.into_iter().map(|own| own as f32).collect();
+            layers.push(Layer { name: VARIANCE.into(), channels: vec![("Y".into(), values)] });
+        }
         layers.extend(self.layers.layers(shared, combined, rows, &pixels));
         if self.outputs.false_color.is_some() {
             layers.push(luminance_layer(picture.unwrap_or(&pixels)));
@@ -424,30 +429,6 @@ impl Writer {
             Ok(exr + whole_time(preview(rows)?, fixed, (rows, height)))
         })
     }
-}
-
-/// States the unit of [`luminance_layer`].
-pub fn record_efficacy(metadata: &mut Metadata) {
-    let efficacy = Value::Number(f64::from(LUMENS_PER_WATT));
-    metadata.insert("luminance unit".into(), Value::Text("cd/m2".into()));
-    metadata.insert("luminance in lumens per watt".into(), efficacy);
-}
-
-/// The luminance of pixels, cd/m^2.
-pub fn luminance_layer(pixels: &[Rgb]) -> Layer {
-    let values = pixels.iter().map(|pixel| LUMENS_PER_WATT * luminance(*pixel)).collect();
-    Layer { name: "luminance".into(), channels: vec![("Y".into(), values)] }
-}
-
-/// Writes the luminance of pixels in false colors with a legend, cd/m^2, on a logarithmic scale.
-pub fn write_luminance(path: &Path, (width, height): (u32, u32), pixels: &[Rgb]) -> Result<()> {
-    let values: Vec<f64> =
-        pixels.iter().map(|pixel| f64::from(LUMENS_PER_WATT * luminance(*pixel))).collect();
-    let grid = ValueGrid::new(width, height, &values);
-    let mean = values.iter().sum::<f64>() / values.len() as f64;
-    let captions = [format!("Luminance, mean {} cd/m²", image_io::number(mean))];
-    let scale = ColorScale::logarithmic(grid);
-    FalseColorMap { grid, scale, unit: "cd/m²", captions: &captions, cell: None }.write_png(path)
 }
 
 /// Time of a file of `height` lines, from the time of one of `rows` lines. A time `fixed` for

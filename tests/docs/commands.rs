@@ -19,7 +19,7 @@ const SMALL_BDPM: &str = include_str!("small-bdpm.sh");
 const CHECK_NAMES: &str = include_str!("check-names.sh");
 
 /// All subcommands: `claims.rs` compares them with the program.
-pub const SUBCOMMANDS: [&str; 18] = [
+pub const SUBCOMMANDS: [&str; 19] = [
     "render",
     "measure",
     "daylight",

@@ -21,7 +21,7 @@ fn bdpm(args: &[&str]) -> Output {
 
 /// Renders at fixed counts.
 fn render(scene: &str, output: &Path, more: &[&str]) -> Output {
-    let fixed = ["--accel", "bvh", "--resolution", "48x36", "--light-paths", "3000"];
+    let fixed = ["--accel", "bvh", "--light-paths", "1500"];
     let output = output.to_str().unwrap();
     let args = [&["render", scene, "--json", "--no-denoise", "--output", output], &fixed[..], more];
     bdpm(&args.concat())
@@ -39,7 +39,7 @@ fn at(folder: &tempfile::TempDir, name: &str) -> PathBuf {
 fn layers_of_light_groups_add_up_and_can_be_mixed_again() {
     let folder = tempfile::tempdir().unwrap();
     let (file, dimmed) = (at(&folder, "a.exr"), at(&folder, "b.exr"));
-    let iterations = ["--iterations", "6", "--camera-paths", "2"];
+    let iterations = ["--iterations", "6", "--camera-paths", "2", "--resolution", "48x36"];
     let groups = "--light-groups=window=*left,rest=panel-middle+*right";
     let office = scene("office");
     let report = json(&render(&office, &file, &[&[groups][..], &iterations].concat()));
@@ -70,7 +70,7 @@ fn layers_of_light_groups_add_up_and_can_be_mixed_again() {
     }
     assert!(dimmed.with_extension("png").exists());
     let unknown = bdpm(&["mix", from, "--set", "lamp=1", "--output", to]);
-    assert_refused(&unknown, "no image has the light `lamp`", "window, rest");
+    assert_refused(&unknown, "no image has the light `lamp`", "rest, window");
 }
 
 #[test]
@@ -94,7 +94,7 @@ fn ratio(image: &LightImages, reference: &LightImages, factors: &[Rgb]) -> f64 {
     let luminances = |all: &[Rgb]| all.iter().map(|own| f64::from(luminance(*own))).collect();
     let [own_light, light]: [Vec<f64>; 2] =
         [luminances(&own.radiance), luminances(&truth.radiance)];
-    let weights = luminance_weights(&own_light);
+    let weights = luminance_weights(&light);
     let squares = own_light.iter().zip(&light).zip(weights);
     let sum: f64 = squares.map(|((own, truth), weight)| weight * (own - truth).powi(2)).sum();
     sum / own_light.len() as f64 / own.error.unwrap().total.powi(2)
@@ -105,26 +105,27 @@ fn ratio(image: &LightImages, reference: &LightImages, factors: &[Rgb]) -> f64 {
 #[test]
 fn random_mixtures_have_the_error_that_they_state() {
     const MIXTURES: u32 = 50;
-    const SEEDS: u64 = 6;
+    const SEEDS: u64 = 4;
     for (name, more, lights) in [
         ("office", &[][..], 3),
         ("cornell-box-classic", &["--environment", "0.1"], 2),
-        ("materials", &["--environment", "0.3"], 2),
+        ("materials", &["--environment", "0.3"], 4),
     ] {
         let folder = tempfile::tempdir().unwrap();
         let scene = scene(name);
-        let rendered = |seed: u64, iterations: &str, camera_paths: &str| {
+        let rendered = |seed: u64, iterations: &str| {
             let file = at(&folder, "a.exr");
             let seed = (100 * seed).to_string();
             let own = ["--light-groups", "--seed", &seed, "--iterations", iterations];
-            let all = [&own[..], &["--camera-paths", camera_paths, "--strategy", "path"], more];
+            let small = ["--resolution", "32x24", "--camera-paths", "2", "--strategy", "mis"];
+            let all = [&own[..], &small, more];
             json(&render(&scene, &file, &all.concat()));
             LightImages::new(vec![(name.to_owned(), read_exr(&file).unwrap())]).unwrap()
         };
-        let reference = rendered(99, "40", "16");
+        let reference = rendered(99, "1600");
         assert_eq!(reference.lights.len(), lights, "{name}");
         let mean_ratio = |seed: u64| {
-            let image = rendered(seed, "8", "2");
+            let image = rendered(seed, "64");
             let mut rng = StreamKey::new(seed, Stream::Test, 0).rng(0);
             let mut factors = || (0..lights).map(|_| Rgb::splat(rng.next_1d())).collect::<Vec<_>>();
             let ratios = (0..MIXTURES).map(|_| ratio(&image, &reference, &factors()));
@@ -134,7 +135,9 @@ fn random_mixtures_have_the_error_that_they_state() {
         let mean = ratios.iter().sum::<f64>() / SEEDS as f64;
         let spread = ratios.iter().map(|own| (own - mean).powi(2)).sum::<f64>();
         let error = (spread / (SEEDS * (SEEDS - 1)) as f64).sqrt();
-        // The reference has 1/40 of the variance. Weights know the noise of the image.
-        assert!((mean - 1.025).abs() < 2.0 * error + 0.02, "{name}: {mean} +- {error}");
+        // The reference has 1/25 of the variance. Where pixels are noisy, weights are those of
+        // neighborhoods, which may have a lamp in them: images of 32x24 pixels state up to .16
+        // less. Errors that add up in place of their squares would state twice as much.
+        assert!((mean - 1.04).abs() < 2.0 * error + 0.16, "{name}: {mean} +- {error}");
     }
 }

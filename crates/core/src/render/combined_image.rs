@@ -365,8 +365,12 @@ impl<'a> CombinedImage<'a> {
     /// corrected; otherwise it ignores the error of the shrinkage factors.
     pub fn variance_of_mean(&self) -> Option<Vec<f64>> {
         let (_, height) = self.resolution();
-        let rows = self.variance_rows(0..height)?;
-        Some(rows.into_iter().map(|[corrected, _]| corrected).collect())
+        self.variance_of_rows(0..height)
+    }
+
+    /// Some rows of [`Self::variance_of_mean`].
+    pub fn variance_of_rows(&self, rows: Range<u32>) -> Option<Vec<f64>> {
+        Some(self.variance_rows(rows)?.into_iter().map(|[corrected, _]| corrected).collect())
     }
 
     /// Variance of some rows of [`Self::mean`], and of [`Self::uncorrected_mean`].

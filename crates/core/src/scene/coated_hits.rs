@@ -1,7 +1,8 @@
 //! Hits of diffuse bases, with or without a coat, whose normals and colors may vary: sixteen
 //! surfaces at a time, as [`Scene::surface`] has one.
 
-use super::bsdf::coats::{CoatedBase, CoatedBases, SeenCoats};
+use super::bsdf::coated_base::CoatedBase;
+use super::bsdf::coats::{CoatedBases, SeenCoats};
 use super::bsdf::{Bsdf, Vertex};
 use super::diffuse::TriangleSide;
 use super::hit::Triangles;

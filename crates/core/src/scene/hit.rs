@@ -10,7 +10,7 @@ use super::{Corners, Material, Placement, Scene, Surface, Triangle};
 use crate::accel::{Hit, HitPacket, Ray};
 use crate::base::math::Rgb;
 use crate::scene::bsdf::Bsdf;
-use crate::scene::bsdf::coats::CoatedBase;
+use crate::scene::bsdf::coated_base::CoatedBase;
 use crate::simd::dispatch::{Simd, transpose_rows};
 use crate::simd::{LANES, Mask, Vec3s, any, bits, lanes_of};
 use bytemuck::{Pod, Zeroable};

@@ -8,6 +8,7 @@
 mod anisotropic_ggx;
 mod beckmann;
 mod coated;
+pub(in crate::scene) mod coated_base;
 pub mod coats;
 mod conductor;
 mod dielectric;

@@ -1,7 +1,7 @@
 use super::*;
 use crate::base::math::uniform_sphere;
 use crate::base::rng::{Rng, Stream, StreamKey};
-use crate::scene::bsdf::{Coated, LobeSet, LobeValue, Transport, Vertex};
+use crate::scene::bsdf::{Bsdf, Coated, Glossy, LobeSet, LobeValue, Plastic, Transport, Vertex};
 use glam::DVec3;
 use std::array::from_fn;
 
