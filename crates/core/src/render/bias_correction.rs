@@ -33,6 +33,11 @@ const FEW_ITERATIONS: f64 = 8.0;
 /// noisy.
 const SQUARES_AROUND: u32 = 8;
 
+/// Squared relative bias of a cache from which on its noise is that of [`SQUARES_AROUND`]. Squares
+/// that lack rare light seem to have all of the cache's light as bias. Smaller ones are told from
+/// the noise of their own surroundings: those of a lamp are noisier than others.
+const LARGE_BIAS2: f64 = 0.09;
+
 /// Correction of the merge bias of an image, for each [cell](CellGrid) in row order.
 #[derive(Clone, Debug)]
 pub struct BiasCorrection {
@@ -125,8 +130,8 @@ impl BiasCorrection {
     }
 
     /// Adds the correction of one photon class, with its typical bias at half the radius and the
-    /// excess that each fold must have; `None` if that subtracts nothing. The noise of a cache is
-    /// that of so many pixels to each side, if it is larger.
+    /// excess that each fold must have; `None` if that subtracts nothing. Where a cache seems to
+    /// have a large bias, its noise is at least that of so many pixels to each side.
     fn add(
         &mut self,
         blocks: &WeightedBlocks,
@@ -148,12 +153,12 @@ impl BiasCorrection {
         let mut around = smooth(&relative, width, height);
         if let Some(pixels) = noise_around {
             let radius = pixels.div_ceil(grid.side()) as usize;
-            for variance in [1, 3] {
+            for fold in 0..FOLDS {
+                let (bias2, variance) = (2 * fold, 2 * fold + 1);
                 let own: Vec<f64> = relative.iter().map(|own| own[variance]).collect();
                 let wide = box_means(&own, width, height, radius);
-                around.iter_mut().zip(wide).for_each(|(own, wide)| {
-                    own[variance] = own[variance].max(wide);
-                });
+                let large = around.iter_mut().zip(wide).filter(|(own, _)| own[bias2] > LARGE_BIAS2);
+                large.for_each(|(own, wide)| own[variance] = own[variance].max(wide));
             }
         }
         let pixels = self.correction.par_iter_mut().zip(&mut self.variance_change);
