@@ -1,5 +1,6 @@
-//! Diffuse bases under coats, sixteen at a time: surfaces that are Lambertian, [`Plastic`],
-//! [`Coated`](super::Coated), or [`Glossy`] without metal.
+//! Diffuse bases under coats, sixteen at a time: surfaces that are Lambertian,
+//! [`Plastic`](super::Plastic), [`Coated`](super::Coated), or [`Glossy`](super::Glossy) without
+//! metal.
 //!
 //! The formulas are those of `layers`, `plastic`, `glossy` and `facets`. Directions are in scene
 //! space: facets of coats are isotropic, so that cosines and distances from the normal say
@@ -219,7 +220,7 @@ impl SeenCoats {
         self.coats.has_coat(lane)
     }
 
-    /// Photons merge at the surface of a lane; see [`Bsdf::merges`].
+    /// Photons merge at the surface of a lane; see [`Bsdf::merges`](super::Bsdf::merges).
     #[inline(always)]
     pub fn merges(&self, lane: usize) -> bool {
         let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
@@ -244,7 +245,7 @@ impl SeenCoats {
         self.normal.get(lane)
     }
 
-    /// Probability that samples pass through; see [`Bsdf::pass_prob`].
+    /// Probability that samples pass through; see [`Bsdf::pass_prob`](super::Bsdf::pass_prob).
     #[inline(always)]
     pub fn pass_prob(&self, lane: usize) -> f32 {
         let is_seen = self.is_narrow(lane) & (self.cos[lane] > 0.0);
@@ -306,7 +307,7 @@ impl SeenCoats {
     }
 
     /// Values and densities of the lobes that merge, and of rough ones; those of
-    /// [`Bsdf::lobes`].
+    /// [`Bsdf::lobes`](super::Bsdf::lobes).
     #[inline(always)]
     pub fn lobes(&self, wi: &Vec3s) -> (LobeValues, LobeValues) {
         let scales = self.scales(wi);
@@ -324,7 +325,8 @@ impl SeenCoats {
         (wide, rough)
     }
 
-    /// Samples directions from three uniform numbers each; see [`Bsdf::sample`].
+    /// Samples directions from three uniform numbers each; see
+    /// [`Bsdf::sample`](super::Bsdf::sample).
     #[inline(always)]
     pub fn sample(&self, u: &[[f32; LANES]; 3]) -> CoatSamples {
         let mut diffuse = Vec3s::default();
