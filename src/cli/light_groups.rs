@@ -12,14 +12,18 @@ use super::{Output, reported, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::base::file_id::folder;
 use bdpm::image_io;
-use bdpm::load::matches;
+use bdpm::load::{Loaded, matches};
 use bdpm::measurement::light_groups;
 use bdpm::mpi::Ranks;
-use bdpm::output::light_mix::LightImages;
+use bdpm::output::light_mix::{LightImages, check_names};
 use bdpm::scene::{LightSource, Scene};
-use std::path::Path;
+use bdpm::settings::combinations::{self, Asked, JobOptions};
+use bdpm::settings::{PartialSettings, Settings};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+/// Time to read the image of a group and to write its layers, for each pixel.
+const WRITE_GROUP_PIXEL: Duration = Duration::from_nanos(300);
 
 /// Least time of a group.
 const LEAST_TIME: Duration = Duration::from_millis(1);
@@ -73,24 +77,23 @@ impl LightGroups {
     }
 }
 
-/// Renders all groups, each for its share of the time, and writes their sum. After an interrupt it
-/// is the sum of those that were rendered.
+/// Renders all groups, each for its share of the time, and writes their sum. After an interrupt or
+/// a failure it is the sum of those that were rendered.
 pub fn render(args: &Args, groups: &LightGroups, ranks: &dyn Ranks) -> Result<Output> {
     let start = Instant::now();
-    if ranks.count() > 1 {
-        let problem = "several processes cannot render groups of light sources in turn";
-        return Err(Error::new(problem, "render them by --lights, and mix the images"));
-    }
+    check_ranks(ranks)?;
     let mut files = Outputs::new(args)?;
     let input = SceneInput::load(&args.session)?;
     files.spare_inputs(args)?;
     let groups = groups.of(&input.loaded.scene)?;
+    check_names(groups.iter().map(|(name, _)| &name[..]))?;
     let beside = folder(&files.exr);
     let temporary = tempfile::tempdir_in(&beside).map_err(|e| Error::io("write", &beside, e))?;
+    let reserved = WRITE_GROUP_PIXEL * groups.len() as u32 * pixels(args, &input)?;
     let (mut images, count) = (Vec::new(), groups.len());
-    let (mut failure, mut missing) = (None, Vec::new());
+    let (mut failure, mut is_stopped, mut missing) = (None, false, Vec::new());
     for (number, (name, sources)) in groups.into_iter().enumerate() {
-        if failure.is_some() {
+        if is_stopped || failure.is_some() {
             missing.push(name);
             continue;
         }
@@ -98,20 +101,17 @@ pub fn render(args: &Args, groups: &LightGroups, ranks: &dyn Ranks) -> Result<Ou
             say(&format!("light group {} of {count}: {name}", number + 1));
         }
         let file = temporary.path().join(format!("{number}.exr"));
-        let left = |time: Duration| {
-            let left = time.saturating_sub(start.elapsed()) / (count - number) as u32;
+        let share = |time: Duration| {
+            let left = time.saturating_sub(start.elapsed() + reserved) / (count - number) as u32;
             left.max(LEAST_TIME) // An image has at least one iteration.
         };
-        let own = args.of_group((&name, number as u64), &input, (&file, left));
+        let mut own = args.of_group(&name, number as u64, &input);
+        (own.output, own.session.time) = (Some(file.clone()), args.session.time.map(share));
         let scene = Arc::new(input.loaded.scene.with_only(&sources)?);
-        let input = input.with_scene(scene);
-        match render_loaded(Rendering::new(&own, &input)?, ranks) {
+        match render_loaded(Rendering::new(&own, &input.with_scene(scene))?, ranks) {
             Ok((output, is_interrupted)) => {
                 images.push((name, image_io::read_exr(&file)?));
-                let stopped = is_interrupted.then(|| {
-                    Error::new("interrupted", "render the light sources that are missing")
-                });
-                failure = output.failure.or(stopped);
+                (failure, is_stopped) = (output.failure, is_interrupted);
             }
             Err(error) if images.is_empty() => return Err(error),
             Err(error) => {
@@ -120,29 +120,44 @@ pub fn render(args: &Args, groups: &LightGroups, ranks: &dyn Ranks) -> Result<Ou
             }
         }
     }
-    if !missing.is_empty() {
+    let written = LightImages::new(images)
+        .and_then(|lights| mix::write(&lights, &[], (&files.exr, &files.png), &args.files));
+    let report = written.inspect_err(|_| {
+        let kept = temporary.keep();
+        say(&format!("the images of the light groups are in {}", kept.display()));
+    })?;
+    if is_stopped && !missing.is_empty() {
+        let problem = format!("interrupted before the light of {}", missing.join(", "));
+        failure = failure.or(Some(Error::new(problem, "render it by --lights, and mix both")));
+    } else if !missing.is_empty() && !args.session.quiet {
         say(&format!("warning: the image lacks the light of {}", missing.join(", ")));
     }
-    let report =
-        mix::write(&LightImages::new(images)?, &[], (&files.exr, &files.png), &args.files)?;
     let form = (args.session.scene.json, args.session.quiet);
     let text = reported(form, &report, || report.text());
-    // An interrupt in the last group leaves a whole image, as that of a render without groups.
-    Ok(Output { text, failure: failure.filter(|_| !missing.is_empty()), ..Output::default() })
+    Ok(Output { text, failure, ..Output::default() })
+}
+
+/// Refuses several processes.
+fn check_ranks(ranks: &dyn Ranks) -> Result<()> {
+    let plain = PartialSettings::default();
+    let settings = Settings::resolve(&plain, &plain, 1.0)?;
+    let has_ranks = ranks.count() > 1;
+    let job = JobOptions { has_light_groups: true, has_ranks, ..JobOptions::default() };
+    combinations::check(&Asked { job, ..Asked::of(&settings) })
+}
+
+/// Pixels of the image.
+fn pixels(args: &Args, input: &SceneInput) -> Result<u32> {
+    let Loaded { scene, defaults, .. } = &input.loaded;
+    Ok(Settings::resolve(&args.settings(), defaults, scene.size())?.pixels() as u32)
 }
 
 impl Args {
-    /// The arguments of a group of this name and number, whose image is written to `file` after the
-    /// time that is `left`. Groups share no random numbers, so that their errors are independent.
-    fn of_group(
-        &self,
-        (name, number): (&str, u64),
-        input: &SceneInput,
-        (file, left): (&Path, impl Fn(Duration) -> Duration),
-    ) -> Self {
+    /// The arguments of a group of this name and number. Groups share no random numbers, so that
+    /// their errors are independent.
+    fn of_group(&self, name: &str, number: u64, input: &SceneInput) -> Self {
         let mut own = self.clone();
-        (own.light_groups, own.output) = (None, Some(file.to_owned()));
-        own.session.time = self.session.time.map(left);
+        own.light_groups = None;
         let scene = &mut own.session.scene;
         let seed = scene.settings.seed.or(input.loaded.defaults.seed).unwrap_or(1);
         scene.settings.seed = Some(seed.wrapping_add(number));

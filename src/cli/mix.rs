@@ -6,7 +6,7 @@ use super::outputs::{self, Attempts, Output};
 use super::{preview, reported};
 use bdpm::base::error::{Error, Result};
 use bdpm::base::math::{Rgb, luminance};
-use bdpm::image_io;
+use bdpm::image_io::{self, ExrFormat};
 use bdpm::load::matches;
 use bdpm::output::light_mix::{LightImage, LightImages, Mixture, MixtureError};
 use serde::Serialize;
@@ -38,6 +38,8 @@ pub struct Args {
 pub struct MixedLight {
     name: String,
     factor: [f32; 3],
+    /// Whether the error of its image is known.
+    has_error: bool,
 }
 
 /// The result.
@@ -126,7 +128,8 @@ pub fn write(
         record_efficacy(&mut image.metadata);
     }
     let mut attempts = Attempts::default();
-    attempts.add(exr, || image_io::write_exr_as(exr, &image, files.exr_format()));
+    let format = ExrFormat { window: lights.window(), ..files.exr_format() };
+    attempts.add(exr, || image_io::write_exr_as(exr, &image, format));
     attempts.add(png, || {
         image_io::write_png_as(png, lights.size, &mixture.radiance, files.tone_mapping())
     });
@@ -148,6 +151,7 @@ impl MixReport {
         let light = |(light, factor): (&LightImage, &Rgb)| MixedLight {
             name: light.name.clone(),
             factor: factor.to_array(),
+            has_error: light.has_error(),
         };
         let sum: f64 = mixture.radiance.iter().map(|own| f64::from(luminance(*own))).sum();
         Self {
@@ -175,7 +179,11 @@ impl MixReport {
                 100.0 * noise,
                 100.0 * bias
             ),
-            None => "the error is not known: an image states none".into(),
+            None => {
+                let unknown = self.lights.iter().filter(|own| !own.has_error);
+                let names: Vec<&str> = unknown.map(|own| &own.name[..]).collect();
+                format!("the error is not known: no image states that of {}", names.join(", "))
+            }
         };
         format!(
             "{} and {}: {}; mean luminance {:.4}\n{error}\n",

@@ -154,10 +154,7 @@ fn render(args: &Args, ranks: &dyn Ranks) -> Result<Output> {
     let start = args.image_start()?;
     let times = args.timings.as_deref().map(Timings::load).transpose()?;
     let input = &SceneInput::load(&args.session)?;
-    if outputs.spare_inputs(args)? && !args.session.quiet {
-        let (preview, other) = (outputs.png.display(), outputs.exr.with_extension("png"));
-        say(&format!("note: the preview is {preview}, since {} is not a preview", other.display()));
-    }
+    outputs.spare_inputs(args)?;
     let rendering = Rendering { args, input, outputs, start, times, started };
     render_loaded(rendering, ranks).map(|(output, _)| output)
 }

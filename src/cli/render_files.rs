@@ -3,9 +3,9 @@
 use super::image_file_args::ImageFileArgs;
 use super::luminance_files::{luminance_layer, record_efficacy, write_luminance};
 use super::outputs::{self, Attempts, Output};
-use super::preview;
 use super::progress::Progress;
 use super::render::Args;
+use super::{preview, say};
 use bdpm::adaptive::plan::Plan;
 use bdpm::base::atomic::temporary;
 use bdpm::base::error::{Error, Result};
@@ -103,8 +103,8 @@ impl Outputs {
     }
 
     /// Refuses to replace files that were read, except for the checkpoint that is continued. The
-    /// preview gets another name if its file is not a preview; returns true in this case.
-    pub fn spare_inputs(&mut self, args: &Args) -> Result<bool> {
+    /// preview gets another name if its file is not a preview, and a note says so.
+    pub fn spare_inputs(&mut self, args: &Args) -> Result<()> {
         let beside = self.png.clone();
         self.png = preview::aside(&beside)?;
         let mut all = self.all(args);
@@ -116,7 +116,11 @@ impl Outputs {
             output.what != "--checkpoint" || resumed.is_none() || FileId::of(output.path) != resumed
         });
         outputs::spare_inputs(&all)?;
-        Ok(self.png != beside)
+        if self.png != beside && !args.session.quiet {
+            let (preview, other) = (self.png.display(), beside.display());
+            say(&format!("note: the preview is {preview}, since {other} is not a preview"));
+        }
+        Ok(())
     }
 }
 

@@ -3,7 +3,7 @@
 use super::exr_blocks;
 use super::exr_format::{DisplayWindow, ExrFormat};
 use super::exr_header::SortedHeader;
-use super::exr_summary::{PREFIX, broken, metadata_of, open};
+use super::exr_summary::{PREFIX, broken, decoded, metadata_of, open};
 use super::exr_windows::ExrWindows;
 use super::{Image, Layer, Primaries, Value, converted};
 use crate::base::atomic::write_atomically;
@@ -194,7 +194,7 @@ fn layers_of(channels: impl IntoIterator<Item = AnyChannel<FlatSamples>>) -> Vec
             FlatSamples::F16(values) => values.iter().map(|v| v.to_f32()).collect(),
             FlatSamples::U32(values) => values.iter().map(|&v| v as f32).collect(),
         };
-        let full = channel.name.to_string();
+        let full = decoded(&channel.name);
         let (layer, name) = full.rsplit_once('.').unwrap_or(("", &full));
         let channel = (name.to_owned(), values);
         match layers.iter_mut().find(|known| known.name == layer) {
@@ -254,13 +254,15 @@ mod tests {
             bits.map(f32::from_bits).map(|v| if v.is_nan() { -0.0 } else { v }).collect()
         };
         let pixels: Vec<Rgb> = values(1).iter().map(|&v| Rgb::new(v, 2.0, -v)).collect();
-        let rms = Layer { name: "rms".into(), channels: vec![("Y".into(), values(2))] };
+        let single =
+            |name: &str| Layer { name: name.into(), channels: vec![("Y".into(), values(2))] };
+        let (rms, light) = (single("rms"), single("light.lampe é 箱"));
         let metadata = Metadata::from([
             ("scene".into(), Value::Text("boîte 箱".into())),
             ("radius".into(), Value::Number(f64::from(0.1f32))),
             ("a name longer than the thirty-one bytes of old".into(), Value::Number(1e300)),
         ]);
-        Image { width, height, layers: vec![Layer::rgb("", &pixels), rms], metadata }
+        Image { width, height, layers: vec![Layer::rgb("", &pixels), light, rms], metadata }
     }
 
     #[test]
@@ -275,7 +277,9 @@ mod tests {
             assert_eq!(read.metadata, written.metadata);
             let (a, b) = (read.layer("").unwrap(), written.layer("").unwrap());
             assert_eq!(a.to_rgb().unwrap(), b.to_rgb().unwrap());
-            assert_eq!(read.layer("rms"), written.layer("rms"));
+            for name in ["rms", "light.lampe é 箱"] {
+                assert_eq!(read.layer(name), written.layer(name));
+            }
             let bits = |layer: &Layer| -> Vec<u32> {
                 layer.channel("R").unwrap().iter().map(|v| v.to_bits()).collect()
             };
@@ -289,7 +293,7 @@ mod tests {
         let path = folder.path().join("a.exr");
         write_exr(&path, &image(64, 32)).unwrap();
         let meta = MetaData::read_from_file(&path, false).unwrap();
-        let needed = 64.0 * 32.0 * 4.0 * COPIES;
+        let needed = 64.0 * 32.0 * 5.0 * COPIES;
         check_size(&meta, 5000, Some(needed)).unwrap();
         let shown = check_size(&meta, 5000, Some(needed - 1.0)).unwrap_err().to_string();
         assert!(shown.contains("64x32 pixels take about"), "{shown}");

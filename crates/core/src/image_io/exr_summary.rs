@@ -89,7 +89,7 @@ pub fn read_exr_summary(path: &Path) -> Result<ExrSummary> {
     let (Vec2(x, y), Vec2(left, top)) = (own.layer_position, shared.display_window.position);
     let Vec2(display_width, display_height) = shared.display_window.size;
     let channels = header.channels.list.iter().map(|channel| ExrChannel {
-        name: channel.name.to_string(),
+        name: decoded(&channel.name),
         sample_type: match channel.sample_type {
             SampleType::F16 => "half",
             SampleType::F32 => "float",
@@ -104,7 +104,7 @@ pub fn read_exr_summary(path: &Path) -> Result<ExrSummary> {
         compression: header.compression.to_string().trim_end_matches(" compression").into(),
         parts: meta.headers.len(),
         deep: header.deep,
-        software: own.software_name.as_ref().map(Text::to_string),
+        software: own.software_name.as_ref().map(decoded),
         metadata: metadata_of(own.other.iter().chain(&shared.other)),
     })
 }
@@ -134,6 +134,11 @@ pub(super) fn broken(path: &Path, error: exr::error::Error) -> Error {
     }
 }
 
+/// A text in UTF-8, as the format wants it.
+pub(super) fn decoded(text: &Text) -> String {
+    String::from_utf8_lossy(text.as_slice()).into_owned()
+}
+
 /// Texts and numbers of this program.
 pub(super) fn metadata_of<'a>(
     attributes: impl Iterator<Item = (&'a Text, &'a AttributeValue)>,
@@ -141,13 +146,11 @@ pub(super) fn metadata_of<'a>(
     let mut metadata = Metadata::new();
     for (name, value) in attributes {
         let value = match value {
-            AttributeValue::Text(value) => {
-                Value::Text(String::from_utf8_lossy(value.as_slice()).into_owned())
-            }
+            AttributeValue::Text(value) => Value::Text(decoded(value)),
             AttributeValue::F64(value) => Value::Number(*value),
             _ => continue,
         };
-        if let Some(name) = String::from_utf8_lossy(name.as_slice()).strip_prefix(PREFIX) {
+        if let Some(name) = decoded(name).strip_prefix(PREFIX) {
             metadata.insert(name.to_owned(), value);
         }
     }

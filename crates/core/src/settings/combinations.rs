@@ -42,6 +42,8 @@ pub struct JobOptions {
     pub has_pixel_noise: bool,
     /// Several processes render together.
     pub has_ranks: bool,
+    /// Groups of light sources are rendered in turn.
+    pub has_light_groups: bool,
 }
 
 /// What decides in a scene about options. The default is a scene in which all of them work.
@@ -209,6 +211,15 @@ pub const COMBINATIONS: &[Combination] = &[
                 "a part needs a checkpoint, which `bdpm merge` reads",
                 "give a file by --checkpoint, such as --checkpoint part.ckpt",
             )
+        },
+    ),
+    refused(
+        ["--light-groups", "several processes"],
+        "Groups are rendered in turn by one process: the others know a single image.",
+        |asked| asked.job.has_light_groups && asked.job.has_ranks,
+        |_| {
+            let problem = "several processes cannot render groups of light sources in turn";
+            Error::new(problem, "render them by --lights, and mix the images")
         },
     ),
     refused(

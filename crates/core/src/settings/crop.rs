@@ -34,6 +34,16 @@ impl Crop {
         Ok(((!is_whole).then_some(crop), [width, height]))
     }
 
+    /// Reads the text that a crop is displayed as.
+    pub fn from_text(text: &str) -> Option<Self> {
+        let (origin, full) = text.strip_prefix("at ")?.split_once(" of ")?;
+        let pair = |text: &str, separator| {
+            let (a, b) = text.split_once(separator)?;
+            Some([a.parse().ok()?, b.parse().ok()?])
+        };
+        Some(Self { origin: pair(origin, ',')?, full: pair(full, 'x')? })
+    }
+
     /// Refuses a window of this size that is empty or not within the image.
     pub(super) fn check(&self, size: [u32; 2]) -> Result<()> {
         let ends = |axis: usize| u64::from(self.origin[axis]) + u64::from(size[axis]);
@@ -55,16 +65,6 @@ impl fmt::Display for Crop {
     }
 }
 
-/// Reads the text that [`Crop`] is displayed as.
-fn from_text(text: &str) -> Option<Crop> {
-    let (origin, full) = text.strip_prefix("at ")?.split_once(" of ")?;
-    let pair = |text: &str, separator| {
-        let (a, b) = text.split_once(separator)?;
-        Some([a.parse().ok()?, b.parse().ok()?])
-    };
-    Some(Crop { origin: pair(origin, ',')?, full: pair(full, 'x')? })
-}
-
 /// Writes a crop as a text, which metadata of image files can hold.
 pub(super) fn serialize<S: Serializer>(
     crop: &Option<Crop>,
@@ -81,7 +81,7 @@ pub(super) fn deserialize<'de, D: Deserializer<'de>>(
     if text == NONE {
         return Ok(None);
     }
-    let crop = from_text(&text);
+    let crop = Crop::from_text(&text);
     crop.map(Some).ok_or_else(|| de::Error::custom(format!("`{text}` is no crop")))
 }
 
@@ -105,9 +105,9 @@ mod tests {
     #[test]
     fn text_of_a_crop_is_read_again() {
         let crop = Crop { origin: [3, 4], full: [20, 10] };
-        assert_eq!(from_text(&crop.to_string()), Some(crop));
+        assert_eq!(Crop::from_text(&crop.to_string()), Some(crop));
         for bad in ["", "at 3,4", "at 3,4 of 20", "at 3 of 20x10", "at -3,4 of 20x10"] {
-            assert_eq!(from_text(bad), None, "{bad}");
+            assert_eq!(Crop::from_text(bad), None, "{bad}");
         }
     }
 }

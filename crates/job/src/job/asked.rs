@@ -25,6 +25,7 @@ impl RenderJob {
             has_times: self.times.is_some(),
             has_pixel_noise: self.pixel_noise,
             has_ranks: ranks.count() > 1,
+            has_light_groups: false, // Each group is a job of its own.
         };
         Asked { settings, given: self.settings.clone(), job, scene: scene.facts() }
     }

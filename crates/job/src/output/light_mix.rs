@@ -9,9 +9,11 @@ use bdpm_auto::adaptive::stopping::without_noise;
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::base::math::{Rgb, luminance};
 use bdpm_core::film::radiance::{box_filter, luminance_weights};
-use bdpm_core::image_io::{Image, Layer, Metadata, NOISY, Value};
+use bdpm_core::image_io::{DisplayWindow, Image, Layer, Metadata, NOISY, Value};
+use bdpm_core::settings::Crop;
 use bdpm_core::settings::provenance::Provenance;
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 
 /// Beginning of the names of layers that have the light of a single source.
 const LIGHT: &str = "light.";
@@ -26,8 +28,12 @@ pub const LIGHTS: &str = "lights";
 /// Layers that do not depend on lights.
 const CONSTANT: [&str; 5] = ["albedo", "normal", "depth", "position", "alpha"];
 
+/// Attribute with the part of the image that is rendered.
+const CROP: &str = "crop";
+
 /// Attributes about the camera and the colors, which mixtures keep.
-const KEPT: [&str; 4] = ["camera", "camera projection", "camera field of view", "negative values"];
+const KEPT: [&str; 5] =
+    ["camera", "camera projection", "camera field of view", CROP, "negative values"];
 
 /// The image of one light source, or of several that are dimmed together.
 #[derive(Clone, Debug)]
@@ -41,7 +47,7 @@ pub struct LightImage {
     errors: LightErrors,
 }
 
-/// What an image states about itself.
+/// Errors that an image states.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct LightErrors {
     /// Relative RMS of the merge bias.
@@ -60,7 +66,7 @@ pub struct LightImages {
     pub size: (u32, u32),
     /// The images.
     pub lights: Vec<LightImage>,
-    /// Layers of the first image that do not depend on lights.
+    /// Layers that do not depend on lights, of the first image that has any.
     constant: Vec<Layer>,
     /// Attributes that mixtures keep.
     metadata: Metadata,
@@ -102,7 +108,11 @@ impl LightImages {
             return Err(Error::new("there is no image to mix", "give images of light sources"));
         };
         let size = (first.width, first.height);
-        let constant = first.layers.iter().filter(|layer| CONSTANT.contains(&&layer.name[..]));
+        let is_constant = |layer: &&Layer| CONSTANT.contains(&&layer.name[..]);
+        let has_constant =
+            |(_, image): &&(String, Image)| image.layers.iter().any(|own| is_constant(&own));
+        let constant = images.iter().find(has_constant).map(|(_, image)| &image.layers[..]);
+        let constant = constant.unwrap_or_default().iter().filter(is_constant);
         let kept = first.metadata.iter().filter(|(name, _)| KEPT.contains(&&name[..]));
         let mut all = Self {
             size,
@@ -118,15 +128,20 @@ impl LightImages {
                 );
                 return Err(Error::new(problem, "render all lights at one size"));
             }
+            if image.metadata.get(CROP) != all.metadata.get(CROP) {
+                let problem = format!("`{name}` shows another part of the image than the first");
+                return Err(Error::new(problem, "render all lights with one --crop"));
+            }
             all.lights.extend(lights_of(&name, image)?);
         }
-        for (index, light) in all.lights.iter().enumerate() {
-            if all.lights[..index].iter().any(|other| other.name == light.name) {
-                let problem = format!("two images have the light `{}`", light.name);
-                return Err(Error::new(problem, "give each light once"));
-            }
-        }
+        check_names(all.lights.iter().map(|light| &light.name[..]))?;
         Ok(all)
+    }
+
+    /// Place of the pixels in the whole image, if they are a part of it.
+    pub fn window(&self) -> Option<DisplayWindow> {
+        let Some(Value::Text(text)) = self.metadata.get(CROP) else { return None };
+        Crop::from_text(text).map(|Crop { origin, full }| DisplayWindow { origin, size: full })
     }
 
     /// The mixture in which each light has its factor of this list, for each channel.
@@ -198,19 +213,46 @@ impl LightImages {
     }
 }
 
+/// Name of a light in names of layers, in which the last dot separates the channel.
+fn layer_name(name: &str) -> String {
+    name.replace('.', "_")
+}
+
+/// Largest size of the name of a light, bytes: names of channels in EXR files have up to 255.
+const LONGEST_NAME: usize = 200;
+
+/// Checks that lights can be layers of one image.
+///
+/// # Errors
+/// If a name is too long, or two lights have one. Dots in names count as underscores.
+pub fn check_names<'a>(names: impl Iterator<Item = &'a str>) -> Result<()> {
+    let mut known = BTreeSet::new();
+    for name in names {
+        if name.len() > LONGEST_NAME {
+            let problem = format!("the name of the light `{name}` is too long for a layer");
+            return Err(Error::new(problem, format!("give it at most {LONGEST_NAME} bytes")));
+        }
+        if !known.insert(layer_name(name)) {
+            let problem = format!("two images have the light `{name}`");
+            return Err(Error::new(problem, "give each light a name of its own, and once"));
+        }
+    }
+    Ok(())
+}
+
 /// The lights of an image: its layers of single lights, or itself.
 fn lights_of(name: &str, image: Image) -> Result<Vec<LightImage>> {
     let variance_of = |prefix: &str| {
         let layer = image.layer(&format!("{prefix}{VARIANCE}"))?;
         layer.channel("Y").map(<[f32]>::to_vec)
     };
-    let is_light =
-        |layer: &&Layer| layer.name.starts_with(LIGHT) && !layer.name.ends_with(VARIANCE);
-    let layers = image.layers.iter().filter(is_light);
-    let lights: Vec<LightImage> = layers
+    let lights: Vec<LightImage> = image
+        .layers
+        .iter()
         .filter_map(|layer| {
             Some(LightImage {
-                name: layer.name[LIGHT.len()..].to_owned(),
+                name: layer.name.strip_prefix(LIGHT)?.to_owned(),
+                // Layers of variances have no colors.
                 radiance: layer.to_rgb()?,
                 variance: variance_of(&format!("{}.", layer.name)),
                 errors: LightErrors::read(&layer.name, &image.metadata),
@@ -227,19 +269,19 @@ fn lights_of(name: &str, image: Image) -> Result<Vec<LightImage>> {
         Some(Value::Text(lights)) => lights,
         _ => name,
     };
-    let errors = LightErrors::of(&image);
-    // Channels of a layer are told by the last dot of their names.
-    let (name, variance) = (own.replace('.', "_"), variance_of(""));
-    Ok(vec![LightImage { name, radiance, variance, errors }])
+    let (name, variance) = (layer_name(own), variance_of(""));
+    Ok(vec![LightImage { name, radiance, variance, errors: LightErrors::of(&image) }])
 }
 
 impl LightErrors {
-    /// What an image of a render states.
+    /// Those of an image of a render.
     fn of(image: &Image) -> Self {
         let Image { metadata, .. } = image;
         let error = RecordedError::read(metadata);
         let denoised = RecordedDenoisedError::read(metadata).map(|own| own.total);
-        let is_denoised = image.layer(NOISY).is_some();
+        // An enlarged picture has no layers.
+        let is_denoised =
+            image.layer(NOISY).is_some() || image.layer("rms").is_none() && denoised.is_some();
         Self {
             bias: error.map_or(0.0, |own| own.bias),
             denoised: is_denoised.then(|| denoised.unwrap_or(f64::NAN)),
@@ -258,7 +300,7 @@ impl LightErrors {
         }
     }
 
-    /// What [`Self::record`] added.
+    /// The errors that [`Self::record`] added.
     fn read(layer: &str, metadata: &Metadata) -> Self {
         let fact = |fact: &str| metadata.get(&format!("{layer} {fact}"));
         let text = |name: &str| match fact(name) {
@@ -275,6 +317,14 @@ impl LightErrors {
 }
 
 impl LightImage {
+    /// Whether the error of the image is known.
+    pub fn has_error(&self) -> bool {
+        match self.errors.denoised {
+            Some(error) => error.is_finite(),
+            None => self.variance.is_some(),
+        }
+    }
+
     /// Standard error of a pixel's luminance before denoising; not a number if it is not known.
     fn rms_at(&self, pixel: usize) -> f64 {
         self.variance.as_ref().map_or(f64::NAN, |own| f64::from(own[pixel]).max(0.0).sqrt())
@@ -286,7 +336,7 @@ struct Shining<'a> {
     light: &'a LightImage,
     /// Factor of its errors: the largest of all channels.
     factor: f64,
-    /// What a relative error of 1 is in each pixel: the root of the reciprocal weight.
+    /// Error of each pixel that is a relative error of 1: the root of the reciprocal weight.
     units: Vec<f64>,
 }
 
@@ -406,7 +456,7 @@ mod tests {
         }
     }
 
-    /// The same random numbers may be the same paths: their errors may add up.
+    /// Errors of the same random numbers may be those of the same paths, and add up.
     #[test]
     fn errors_of_one_seed_add_up() {
         let lights = |seed| of_seeds([("key", (1.0, 0.1), 3), ("fill", (1.0, 0.1), seed)]);
@@ -426,6 +476,7 @@ mod tests {
         let same = again.mixture(&[Rgb::ONE; 2]);
         assert_eq!(same.radiance, mixture.radiance);
         assert_eq!(same.rms, mixture.rms);
+        assert!(again.lights.iter().all(LightImage::has_error));
         let off = again.mixture(&[Rgb::ZERO, Rgb::ONE]);
         assert_eq!(off.radiance, all.lights[1].radiance);
         let twice = all.lights.iter().chain(&all.lights);
@@ -435,12 +486,51 @@ mod tests {
     }
 
     #[test]
+    fn lights_that_cannot_be_layers_of_one_image_are_refused() {
+        assert!(check_names(["a", "b", "variance", "x.variance"].into_iter()).is_ok());
+        let shown = |names: &[&str]| check_names(names.iter().copied()).unwrap_err().to_string();
+        assert!(shown(&["a", "b", "a"]).contains("two images have the light `a`"));
+        assert!(shown(&["a.b", "a_b"]).contains("two images have the light `a_b`"));
+        assert!(shown(&["a", &"b".repeat(201)]).contains("too long"));
+    }
+
+    /// Names may end as those of layers do.
+    #[test]
+    fn lights_of_any_name_are_found_in_mixtures() {
+        let all = of_seeds([("variance", (1.0, 0.1), 3), ("x.variance", (0.5, 0.2), 4)]);
+        let factors = [Rgb::ONE; 2];
+        let file = all.image(&factors, &all.mixture(&factors));
+        let again = LightImages::new(vec![("file".into(), file)]).unwrap();
+        assert_eq!(again.lights.len(), 2);
+        assert!(again.lights.iter().all(|own| own.variance.is_some()));
+    }
+
+    #[test]
+    fn mixtures_of_a_part_of_the_image_know_their_place() {
+        let part = |text: &str| {
+            let mut image = image(text, (1.0, 0.1), 1);
+            image.metadata.insert(CROP.into(), Value::Text(text.into()));
+            (text.to_owned(), image)
+        };
+        let one = "at 3,4 of 80x60";
+        let all = LightImages::new(vec![part(one)]).unwrap();
+        let window = DisplayWindow { origin: [3, 4], size: [80, 60] };
+        assert_eq!(all.window(), Some(window));
+        let file = all.image(&[Rgb::ONE], &all.mixture(&[Rgb::ONE]));
+        let again = LightImages::new(vec![("file".into(), file)]).unwrap();
+        assert_eq!(again.window(), Some(window));
+        let other = LightImages::new(vec![part(one), part("at 0,4 of 80x60")]);
+        assert!(other.unwrap_err().to_string().contains("another part of the image"));
+    }
+
+    #[test]
     fn denoised_lights_have_the_error_of_the_denoiser_or_none() {
         let mut all = of_seeds([("key", (1.0, 0.1), 3), ("fill", (1.0, 0.1), 4)]);
         all.lights[0].errors.denoised = Some(0.05);
         let error = all.mixture(&[Rgb::ONE, Rgb::ZERO]).error.unwrap();
         assert!(error.is_denoised && (error.total - 0.05).abs() < 3e-3, "{error:?}");
         all.lights[0].errors.denoised = Some(f64::NAN);
+        assert!(!all.lights[0].has_error() && all.lights[1].has_error());
         assert!(all.mixture(&[Rgb::ONE; 2]).error.is_none());
         assert!(all.mixture(&[Rgb::ZERO, Rgb::ONE]).error.is_some(), "the light is off");
     }
