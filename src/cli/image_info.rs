@@ -6,7 +6,7 @@ use bdpm::Settings;
 use bdpm::base::error::{Error, Result};
 use bdpm::image_io::{ExrSummary, Metadata, NOISY, Value, read_exr_summary};
 use bdpm::load::counted;
-use bdpm::output::light_mix::LIGHTS;
+use bdpm::output::light_layers::LIGHTS;
 use bdpm::output::recorded_error::{POOLED_RMS, RecordedDenoisedError, RecordedError};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Number};

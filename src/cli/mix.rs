@@ -8,7 +8,8 @@ use bdpm::base::error::{Error, Result};
 use bdpm::base::math::{Rgb, luminance};
 use bdpm::image_io::{self, ExrFormat};
 use bdpm::load::matches;
-use bdpm::output::light_mix::{LightImage, LightImages, Mixture, MixtureError};
+use bdpm::output::light_layers::LightImage;
+use bdpm::output::light_mix::{LightImages, Mixture, MixtureError};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -18,7 +18,7 @@ use bdpm::output::denoise;
 use bdpm::output::denoise::Denoised;
 use bdpm::output::enlarge;
 use bdpm::output::layers::{LayerName, LayerSelection};
-use bdpm::output::light_mix::{LIGHTS, VARIANCE};
+use bdpm::output::light_layers::{LIGHTS, VARIANCE};
 use bdpm::output::recorded_camera::record;
 use bdpm::output::recorded_error::{RecordedDenoisedError, RecordedError, record_pooled_rms};
 use bdpm::output::recorded_gamut::record_gamut;

@@ -4,6 +4,7 @@ pub mod checkpoint;
 pub mod denoise;
 mod enlarge;
 pub mod layers;
+pub mod light_layers;
 pub mod light_mix;
 pub mod merge;
 pub mod recorded_camera;
