@@ -10,7 +10,7 @@ use crate::film::cells::CellGrid;
 use crate::film::radiance::{PixelSums, box_filter, luminance};
 use crate::noise::Measure;
 use crate::noise::difference::{Cells, Compared, Difference, Estimates};
-use crate::scene::{Emitter, Scene};
+use crate::scene::Scene;
 use crate::settings::{Bias, Direct, Settings, Strategy};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -334,21 +334,11 @@ impl AuditSums {
 /// The largest luminance that a single camera path is likely to find, W/(m^2 sr): theory.md (98f),
 /// `B`.
 pub fn brightest_path(scene: &Scene) -> f64 {
-    let [uniform, varying] = BRIGHTEST;
+    let [uniform, _] = BRIGHTEST;
     let of = |radiance: crate::base::math::Rgb| luminance(radiance.as_dvec3());
     let near = f64::from(NEAREST_LIGHT * scene.size()).powi(2);
     let lights = scene.lights();
-    let emitter = |emitter: &Emitter| match emitter {
-        Emitter::Triangle { radiance, .. } => uniform * of(*radiance),
-        Emitter::Textured(panel) => varying * of(panel.seen_mean()),
-        Emitter::Directional(light) => of(light.irradiance) / PI,
-        Emitter::Point { intensity, .. } => of(*intensity) / (PI * near),
-        Emitter::Spot(spot) => of(spot.intensity) / (PI * near),
-        Emitter::Luminaire(_) | Emitter::Opening(_) => {
-            varying * of(emitter.power()) / (4.0 * PI * PI * near)
-        }
-    };
-    let emitters = lights.emitters().iter().map(emitter);
+    let emitters = lights.emitters().iter().map(|emitter| emitter.brightest(BRIGHTEST, near));
     let sky = lights.environment().map_or(0.0, |map| {
         // A sun in the inset is hit behind glass only. Elsewhere it is connected, like parallel
         // light.

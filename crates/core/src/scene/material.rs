@@ -5,7 +5,7 @@ use super::lights::luminaire::LuminousOpening;
 use super::media::MediumBoundary;
 use super::{Dispersion, NormalMap, Texture};
 use crate::base::math::Rgb;
-use crate::scene::bsdf::Bsdf;
+use crate::scene::bsdf::{Bsdf, TextureValues};
 use glam::{Vec2, Vec3};
 use serde::Serialize;
 use std::sync::Arc;
@@ -151,27 +151,10 @@ impl Material {
             texture.as_ref().map_or(Rgb::ONE, |texture| texture.color(uv))
         };
         let color = picture(albedo) * color.unwrap_or(Rgb::ONE);
-        match self.bsdf {
-            Bsdf::Lambertian { albedo, two_sided } => {
-                Some(Bsdf::Lambertian { albedo: albedo * color, two_sided })
-            }
-            Bsdf::Glossy(glossy) => {
-                let data = data.as_ref().map_or(Vec3::ONE, |texture| texture.data(uv));
-                Some(Bsdf::Glossy(glossy.scaled(color, data.z, data.y)))
-            }
-            Bsdf::Principled(principled) => {
-                let data = data.as_ref().map_or(Vec3::ONE, |texture| texture.data(uv));
-                Some(Bsdf::Principled(principled.scaled(color, data.z, data.y)))
-            }
-            Bsdf::Plastic(plastic) => {
-                Some(Bsdf::Plastic(plastic.with_albedo(plastic.albedo() * color)))
-            }
-            Bsdf::Coated(coated) => Some(Bsdf::Coated(coated.with_albedo(coated.albedo() * color))),
-            Bsdf::DiffuseTransmission(sheet) => {
-                Some(Bsdf::DiffuseTransmission(sheet.scaled(color, picture(transmitted))))
-            }
-            _ => None,
-        }
+        let data = data.as_ref().map_or(Vec3::ONE, |texture| texture.data(uv));
+        let transmitted = picture(transmitted);
+        let values = TextureValues { color, transmitted, metallic: data.z, roughness: data.y };
+        self.bsdf.textured(&values)
     }
 }
 

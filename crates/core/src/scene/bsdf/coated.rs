@@ -1,7 +1,8 @@
 //! A Lambertian base under a smooth, clear dielectric coat, with all reflections in between.
 
 use super::layers::CoatOverBase;
-use super::{Lobe, fresnel};
+use super::model::{Describe, Lobes, TextureValues, Transmission};
+use super::{Bsdf, Lobe, fresnel};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -59,6 +60,36 @@ impl Coated {
     fn diffuse_albedo(&self, cos: f32) -> Rgb {
         let scale = (1.0 - self.reflected(cos)) * self.mean_transmittance;
         self.base * (std::f32::consts::PI * scale)
+    }
+}
+
+impl Describe for Coated {
+    #[inline]
+    fn classes(&self) -> Lobes {
+        self.coat_and_base()
+    }
+
+    #[inline]
+    fn transmission(&self) -> Transmission {
+        Transmission::None
+    }
+
+    #[inline]
+    fn depends_on_tangent(&self) -> bool {
+        false
+    }
+
+    fn textured(&self, texture: &TextureValues) -> Option<Bsdf> {
+        Some(Bsdf::Coated(self.with_albedo(self.albedo * texture.color)))
+    }
+
+    fn color(&self, _front: bool) -> Rgb {
+        self.albedo
+    }
+
+    #[inline]
+    fn albedo_bound(&self) -> Rgb {
+        Rgb::ONE
     }
 }
 

@@ -2,7 +2,13 @@
 //! et al. 2007).
 
 use super::ggx::{Ggx, reflect};
-use super::{BsdfSample, DIFFUSE_ALPHA, FacetModel, Facets, Lobe, SMOOTH_ALPHA, fresnel, mirrored};
+use super::layers::facets_lobe;
+use super::mirror::mirrored;
+use super::model::{Describe, Lobes, Local, LocalModel, TextureValues, Transmission};
+use super::{
+    Bsdf, BsdfSample, FacetModel, Facets, Lobe, LobeSet, LobeValue, SMOOTH_ALPHA, Transport,
+    fresnel,
+};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -137,15 +143,6 @@ impl Conductor {
         }
     }
 
-    #[inline]
-    pub(super) fn spread(&self) -> Option<Lobe> {
-        match self.facets.alpha {
-            0.0 => None,
-            alpha if alpha < DIFFUSE_ALPHA => Some(Lobe::Rough),
-            _ => Some(Lobe::Diffuse),
-        }
-    }
-
     /// Share of the light from the cosine `cos` that single scattering loses and the wide lobe
     /// returns.
     #[inline]
@@ -155,10 +152,42 @@ impl Conductor {
             Scattering::Once { .. } => 0.0,
         }
     }
+}
 
+impl Describe for Conductor {
+    #[inline]
+    fn classes(&self) -> Lobes {
+        Lobes::of(facets_lobe(self.facets.alpha))
+    }
+
+    #[inline]
+    fn transmission(&self) -> Transmission {
+        Transmission::None
+    }
+
+    #[inline]
+    fn depends_on_tangent(&self) -> bool {
+        false
+    }
+
+    fn textured(&self, _texture: &TextureValues) -> Option<Bsdf> {
+        None
+    }
+
+    fn color(&self, _front: bool) -> Rgb {
+        self.normal_reflectance()
+    }
+
+    #[inline]
+    fn albedo_bound(&self) -> Rgb {
+        Rgb::ONE
+    }
+}
+
+impl LocalModel for Conductor {
     /// theory.md (26), (28), (97).
-    pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Rgb {
-        if wi.z <= 0.0 || self.spread().is_none() {
+    fn eval(&self, _lobe: Option<Lobe>, Local { wo, .. }: Local, wi: Vec3) -> Rgb {
+        if wi.z <= 0.0 || self.facets.alpha == 0.0 {
             return Rgb::ZERO;
         }
         let m = (wo + wi).normalize();
@@ -171,8 +200,8 @@ impl Conductor {
     }
 
     /// theory.md (25), (28), (97).
-    pub(super) fn pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
-        if wi.z <= 0.0 || self.spread().is_none() {
+    fn pdf_w(&self, _lobe: Lobe, Local { wo, .. }: Local, wi: Vec3) -> f32 {
+        if wi.z <= 0.0 || self.facets.alpha == 0.0 {
             return 0.0;
         }
         let m = (wo + wi).normalize();
@@ -182,28 +211,42 @@ impl Conductor {
         (1.0 - again) * once + again * cosine_hemisphere_pdf_w(wi.z)
     }
 
-    pub(super) fn sample(&self, wo: Vec3, rng: &mut Rng) -> Option<BsdfSample> {
-        let Some(lobe) = self.spread() else {
+    fn values(&self, _at: Local, _wi: Vec3) -> Option<[LobeValue; 2]> {
+        None
+    }
+
+    #[inline]
+    fn pass_prob(&self, _at: Local) -> f32 {
+        if facets_lobe(self.facets.alpha).passes_through() { 1.0 } else { 0.0 }
+    }
+
+    fn sample(
+        &self,
+        at: Local,
+        _transport: Transport,
+        _wanted: LobeSet,
+        rng: &mut Rng,
+    ) -> Option<BsdfSample> {
+        let (wo, lobe) = (at.wo, facets_lobe(self.facets.alpha));
+        if lobe == Lobe::Delta {
             let reflected = self.reflectance.at(wo.z);
-            return Some(mirrored(
-                wo,
-                match self.scattering {
-                    Scattering::All { .. } => reflected,
-                    Scattering::Once { tint } => tint * reflected,
-                },
-            ));
-        };
+            let weight = match self.scattering {
+                Scattering::All { .. } => reflected,
+                Scattering::Once { tint } => tint * reflected,
+            };
+            return Some(mirrored(wo, weight));
+        }
         let loss = self.loss(wo.z);
         let wi = if rng.next_1d() < loss {
             cosine_hemisphere(Vec3::Z, rng.next_2d())
         } else {
             reflect(wo, self.facets.sample_visible(wo, rng.next_2d()))
         };
-        let pdf = self.pdf_w(wo, wi);
+        let pdf = self.pdf_w(lobe, at, wi);
         if pdf <= 0.0 {
             return Some(BsdfSample::lost(lobe));
         }
-        Some(BsdfSample { wi, weight: self.eval(wo, wi) * (wi.z / pdf), lobe })
+        Some(BsdfSample { wi, weight: self.eval(Some(lobe), at, wi) * (wi.z / pdf), lobe })
     }
 }
 

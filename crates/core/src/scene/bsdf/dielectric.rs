@@ -1,7 +1,11 @@
 //! Smooth dielectrics: an interface between two media, and a thin sheet.
 
 use super::fresnel::PolarizedShares;
-use super::{BsdfSample, Lobe, Transport, fresnel, mirrored};
+use super::mirror::mirrored;
+use super::model::{
+    Describe, Lobes, Local, LocalModel, TextureValues, Transmission, only_single_directions,
+};
+use super::{Bsdf, BsdfSample, Lobe, LobeSet, LobeValue, Transport, fresnel};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -22,22 +26,57 @@ impl Dielectric {
     pub const fn new(eta: f32) -> Self {
         Self { eta, transmittance: Rgb::ONE }
     }
+}
 
-    pub(super) fn sample(
+impl Describe for Dielectric {
+    #[inline]
+    fn classes(&self) -> Lobes {
+        Lobes::of(Lobe::Delta)
+    }
+
+    #[inline]
+    fn transmission(&self) -> Transmission {
+        Transmission::Passing
+    }
+
+    #[inline]
+    fn depends_on_tangent(&self) -> bool {
+        false
+    }
+
+    fn textured(&self, _texture: &TextureValues) -> Option<Bsdf> {
+        None
+    }
+
+    /// White: denoisers see what the glass shows.
+    fn color(&self, _front: bool) -> Rgb {
+        Rgb::ONE
+    }
+
+    #[inline]
+    fn albedo_bound(&self) -> Rgb {
+        Rgb::ONE
+    }
+}
+
+impl LocalModel for Dielectric {
+    only_single_directions!();
+
+    fn sample(
         &self,
-        wo: Vec3,
-        front: bool,
+        Local { wo, front }: Local,
         transport: Transport,
+        _wanted: LobeSet,
         rng: &mut Rng,
-    ) -> BsdfSample {
+    ) -> Option<BsdfSample> {
         let eta = relative(self.eta, front);
         let (reflected, cos_t) = fresnel::dielectric(wo.z, eta);
         if rng.next_1d() < reflected {
-            return mirrored(wo, Rgb::ONE);
+            return Some(mirrored(wo, Rgb::ONE));
         }
         let wi = Vec3::new(-wo.x / eta, -wo.y / eta, -cos_t);
         let weight = self.transmittance * transmission_scale(transport, eta);
-        BsdfSample { wi, weight, lobe: Lobe::Delta }
+        Some(BsdfSample { wi, weight, lobe: Lobe::Delta })
     }
 }
 
@@ -103,8 +142,49 @@ impl ThinDielectric {
     pub fn polarized_shares(&self, cos: f32) -> PolarizedShares {
         PolarizedShares::of_slab(cos, self.eta, self.once(cos)).scaled(self.transmittance)
     }
+}
 
-    pub(super) fn sample(&self, wo: Vec3, rng: &mut Rng) -> BsdfSample {
+impl Describe for ThinDielectric {
+    #[inline]
+    fn classes(&self) -> Lobes {
+        Lobes::of(Lobe::Delta)
+    }
+
+    #[inline]
+    fn transmission(&self) -> Transmission {
+        Transmission::Passing
+    }
+
+    #[inline]
+    fn depends_on_tangent(&self) -> bool {
+        false
+    }
+
+    fn textured(&self, _texture: &TextureValues) -> Option<Bsdf> {
+        None
+    }
+
+    /// White: denoisers see what the sheet shows.
+    fn color(&self, _front: bool) -> Rgb {
+        Rgb::ONE
+    }
+
+    #[inline]
+    fn albedo_bound(&self) -> Rgb {
+        Rgb::ONE
+    }
+}
+
+impl LocalModel for ThinDielectric {
+    only_single_directions!();
+
+    fn sample(
+        &self,
+        Local { wo, .. }: Local,
+        _transport: Transport,
+        _wanted: LobeSet,
+        rng: &mut Rng,
+    ) -> Option<BsdfSample> {
         let [transmitted, reflected] = fresnel::slab(wo.z, self.eta, self.once(wo.z));
         let (prob, shares) = if is_clear(&self.internal) {
             (reflected.x, [Rgb::ONE; 2])
@@ -114,9 +194,10 @@ impl ThinDielectric {
             (prob, [transmitted / (1.0 - prob), reflected / prob])
         };
         if rng.next_1d() < prob {
-            return mirrored(wo, shares[1]);
+            return Some(mirrored(wo, shares[1]));
         }
-        BsdfSample { wi: -wo, weight: shares[0] * self.transmittance, lobe: Lobe::Delta }
+        let weight = shares[0] * self.transmittance;
+        Some(BsdfSample { wi: -wo, weight, lobe: Lobe::Delta })
     }
 }
 
@@ -143,7 +224,9 @@ mod tests {
             let n = 40_000;
             let mut sums = [Rgb::ZERO; 2];
             for _ in 0..n {
-                let BsdfSample { wi, weight, .. } = sheet.sample(wo, &mut rng);
+                let at = Local { wo, front: true };
+                let sample = sheet.sample(at, Transport::Flux, LobeSet::All, &mut rng);
+                let BsdfSample { wi, weight, .. } = sample.unwrap();
                 sums[usize::from(wi.z > 0.0)] += weight / n as f32;
             }
             for (sum, share) in sums.iter().zip([transmitted, reflected]) {

@@ -1,6 +1,7 @@
 //! Diffuse reflection and transmission by thin sheets: paper, fabric, lampshades, leaves.
 
-use super::{BsdfSample, Lobe};
+use super::model::{Describe, Lobes, Model, TextureValues, Transmission, values_by_class};
+use super::{Bsdf, BsdfSample, Lobe, LobeSet, LobeValue, Transport, Vertex};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -97,6 +98,67 @@ impl DiffuseTransmission {
         let weight = self.share(transmits) / prob;
         let wi = cosine_hemisphere(side, rng.next_2d());
         Some(BsdfSample { wi, weight, lobe: Lobe::Diffuse })
+    }
+}
+
+impl Describe for DiffuseTransmission {
+    #[inline]
+    fn classes(&self) -> Lobes {
+        Lobes::of(Lobe::Diffuse)
+    }
+
+    #[inline]
+    fn transmission(&self) -> Transmission {
+        Transmission::Diffuse
+    }
+
+    #[inline]
+    fn depends_on_tangent(&self) -> bool {
+        false
+    }
+
+    fn textured(&self, texture: &TextureValues) -> Option<Bsdf> {
+        Some(Bsdf::DiffuseTransmission(self.scaled(texture.color, texture.transmitted)))
+    }
+
+    fn color(&self, _front: bool) -> Rgb {
+        self.albedo()
+    }
+
+    #[inline]
+    fn albedo_bound(&self) -> Rgb {
+        self.albedo()
+    }
+}
+
+/// Without a frame: the cosines with the normal suffice.
+impl Model for DiffuseTransmission {
+    #[inline]
+    fn eval(&self, _lobe: Option<Lobe>, at: &Vertex, wi: Vec3) -> Rgb {
+        self.eval(wi.dot(at.normal))
+    }
+
+    fn pdf_w(&self, _lobe: Lobe, at: &Vertex, wi: Vec3) -> f32 {
+        self.pdf_w(wi.dot(at.normal))
+    }
+
+    fn values(&self, at: &Vertex, wi: Vec3) -> [LobeValue; 2] {
+        values_by_class(self, at, wi)
+    }
+
+    #[inline]
+    fn pass_prob(&self, _at: &Vertex) -> f32 {
+        0.0
+    }
+
+    fn sample(
+        &self,
+        at: &Vertex,
+        _transport: Transport,
+        _wanted: LobeSet,
+        rng: &mut Rng,
+    ) -> Option<BsdfSample> {
+        self.sample(at.normal, rng)
     }
 }
 

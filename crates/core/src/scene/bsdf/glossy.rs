@@ -4,7 +4,8 @@
 use super::conductor::multiple_scattering;
 use super::ggx::{Ggx, reflect};
 use super::layers::{CoatOverBase, facets_lobe};
-use super::{Lobe, SMOOTH_ALPHA, fresnel};
+use super::model::{Describe, Lobes, TextureValues, Transmission};
+use super::{Bsdf, Lobe, SMOOTH_ALPHA, fresnel};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -116,6 +117,37 @@ impl Glossy {
     #[inline]
     fn loss(&self, cos: f32) -> f32 {
         (1.0 - self.facets.single_albedo(cos)).max(0.0)
+    }
+}
+
+impl Describe for Glossy {
+    #[inline]
+    fn classes(&self) -> Lobes {
+        self.coat_and_base()
+    }
+
+    #[inline]
+    fn transmission(&self) -> Transmission {
+        Transmission::None
+    }
+
+    #[inline]
+    fn depends_on_tangent(&self) -> bool {
+        false
+    }
+
+    fn textured(&self, texture: &TextureValues) -> Option<Bsdf> {
+        let TextureValues { color, metallic, roughness, .. } = *texture;
+        Some(Bsdf::Glossy(self.scaled(color, metallic, roughness)))
+    }
+
+    fn color(&self, _front: bool) -> Rgb {
+        self.albedo
+    }
+
+    #[inline]
+    fn albedo_bound(&self) -> Rgb {
+        Rgb::ONE
     }
 }
 

@@ -1,7 +1,8 @@
 //! Scattering of windows, blinds and prismatic sheets by matrices over patches of directions
 //! (Klems 1994), as WINDOW and genBSDF write them. theory.md (27c), (27d)
 
-use super::{BsdfSample, Lobe, Transport, Vertex};
+use super::model::{Describe, Lobes, Model, TextureValues, Transmission, values_by_class};
+use super::{Bsdf, BsdfSample, Lobe, LobeSet, LobeValue, Transport, Vertex};
 use crate::base::math::{Frame, Rgb};
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -383,6 +384,66 @@ impl Klems {
         }
         let weight = Rgb::splat(value * basis.projected(other.1) / prob);
         Some(BsdfSample { wi: frame.to_world(wi), weight, lobe: Lobe::Diffuse })
+    }
+}
+
+impl Describe for Klems {
+    #[inline]
+    fn classes(&self) -> Lobes {
+        Lobes::of(Lobe::Diffuse)
+    }
+
+    #[inline]
+    fn transmission(&self) -> Transmission {
+        Transmission::Diffuse
+    }
+
+    #[inline]
+    fn depends_on_tangent(&self) -> bool {
+        false
+    }
+
+    fn textured(&self, _texture: &TextureValues) -> Option<Bsdf> {
+        None
+    }
+
+    fn color(&self, front: bool) -> Rgb {
+        Rgb::splat(self.diffuse_shares(front).iter().sum())
+    }
+
+    #[inline]
+    fn albedo_bound(&self) -> Rgb {
+        Rgb::ONE
+    }
+}
+
+/// In a frame of its own, that of the matrices.
+impl Model for Klems {
+    fn eval(&self, _lobe: Option<Lobe>, at: &Vertex, wi: Vec3) -> Rgb {
+        self.eval(at, wi)
+    }
+
+    fn pdf_w(&self, _lobe: Lobe, at: &Vertex, wi: Vec3) -> f32 {
+        self.pdf_w(at, wi)
+    }
+
+    fn values(&self, at: &Vertex, wi: Vec3) -> [LobeValue; 2] {
+        values_by_class(self, at, wi)
+    }
+
+    #[inline]
+    fn pass_prob(&self, _at: &Vertex) -> f32 {
+        0.0
+    }
+
+    fn sample(
+        &self,
+        at: &Vertex,
+        transport: Transport,
+        _wanted: LobeSet,
+        rng: &mut Rng,
+    ) -> Option<BsdfSample> {
+        self.sample(at, transport, rng)
     }
 }
 

@@ -1,6 +1,8 @@
 //! Sampling of a coat over a diffuse base.
 
-use super::{BsdfSample, DIFFUSE_ALPHA, Lobe, LobeSet, LobeValue, mirrored};
+use super::mirror::mirrored;
+use super::model::{Describe, Lobes, Local, LocalModel};
+use super::{BsdfSample, DIFFUSE_ALPHA, Lobe, LobeSet, LobeValue, Transport};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -19,7 +21,7 @@ pub(super) fn facets_lobe(alpha: f32) -> Lobe {
 /// A surface of two lobes: a coat, which merges or passes through by the width of its facets, over
 /// a diffuse base. If the coat is narrow or smooth, paths merge by the base and pass through by the
 /// coat. Directions are local.
-pub(super) trait CoatOverBase {
+pub(super) trait CoatOverBase: Describe {
     /// Class of the coat's lobe.
     fn coat_lobe(&self) -> Lobe;
 
@@ -50,14 +52,16 @@ pub(super) trait CoatOverBase {
     /// Value of the base, 1/sr, for two directions above the surface.
     fn eval_base(&self, wo: Vec3, wi: Vec3) -> Rgb;
 
-    /// Returns true if the surface has a lobe of this class.
+    /// Classes of the coat and of the base.
     #[inline]
-    fn has(&self, lobe: Lobe) -> bool {
-        self.coat_lobe() == lobe || (lobe == Lobe::Diffuse && self.has_base())
+    fn coat_and_base(&self) -> Lobes {
+        let coat = Lobes::of(self.coat_lobe());
+        Lobes { diffuse: coat.diffuse || self.has_base(), ..coat }
     }
+}
 
-    /// The value of the lobes of one class, or of all but single directions, 1/sr.
-    fn eval(&self, lobe: Option<Lobe>, wo: Vec3, wi: Vec3) -> Rgb {
+impl<C: CoatOverBase> LocalModel for C {
+    fn eval(&self, lobe: Option<Lobe>, Local { wo, .. }: Local, wi: Vec3) -> Rgb {
         if wi.z <= 0.0 {
             return Rgb::ZERO;
         }
@@ -68,10 +72,9 @@ pub(super) trait CoatOverBase {
         coat + base
     }
 
-    /// Values and densities of the lobes that merge, and of rough ones.
-    fn lobes(&self, wo: Vec3, wi: Vec3) -> [LobeValue; 2] {
+    fn values(&self, Local { wo, .. }: Local, wi: Vec3) -> Option<[LobeValue; 2]> {
         if wi.z <= 0.0 {
-            return <[LobeValue; 2]>::default();
+            return Some(Default::default());
         }
         let prob = self.coat_prob(wo);
         let base = LobeValue {
@@ -80,21 +83,19 @@ pub(super) trait CoatOverBase {
         };
         let coat_lobe = self.coat_lobe();
         if coat_lobe == Lobe::Delta {
-            return [base, LobeValue::default()];
+            return Some([base, LobeValue::default()]);
         }
         let (value, pdf_w) = self.coat(wo, wi);
         let coat = LobeValue { value, pdf_w: prob * pdf_w };
         if coat_lobe == Lobe::Rough {
-            return [base, coat];
+            return Some([base, coat]);
         }
         let both = LobeValue { value: base.value + coat.value, pdf_w: base.pdf_w + coat.pdf_w };
-        [both, LobeValue::default()]
+        Some([both, LobeValue::default()])
     }
 
-    /// Density of sampling the lobes of one class, 1/sr; its integral is less than 1 if there are
-    /// other classes.
-    fn pdf_w(&self, lobe: Lobe, wo: Vec3, wi: Vec3) -> f32 {
-        if wi.z <= 0.0 || lobe == Lobe::Delta {
+    fn pdf_w(&self, lobe: Lobe, Local { wo, .. }: Local, wi: Vec3) -> f32 {
+        if wi.z <= 0.0 {
             return 0.0;
         }
         let prob = self.coat_prob(wo);
@@ -104,9 +105,20 @@ pub(super) trait CoatOverBase {
         coat + (1.0 - prob) * base
     }
 
-    /// Samples a direction. The weight is 0 if it is below the surface, toward another facet.
-    fn sample(&self, wo: Vec3, wanted: LobeSet, rng: &mut Rng) -> Option<BsdfSample> {
-        let lobe = self.coat_lobe();
+    #[inline]
+    fn pass_prob(&self, Local { wo, .. }: Local) -> f32 {
+        if self.coat_lobe().passes_through() { self.coat_prob(wo) } else { 0.0 }
+    }
+
+    /// The weight is 0 if the direction is below the surface, toward another facet.
+    fn sample(
+        &self,
+        at: Local,
+        _transport: Transport,
+        wanted: LobeSet,
+        rng: &mut Rng,
+    ) -> Option<BsdfSample> {
+        let (wo, lobe) = (at.wo, self.coat_lobe());
         let prob = if wanted == LobeSet::All { self.coat_prob(wo) } else { 1.0 };
         let is_coat = prob >= 1.0 || rng.next_1d() < prob;
         if is_coat && lobe == Lobe::Delta {
@@ -122,8 +134,8 @@ pub(super) trait CoatOverBase {
         }
         if lobe == Lobe::Diffuse {
             // Both lobes have this class: one density for both.
-            let pdf = self.pdf_w(lobe, wo, wi);
-            let weight = self.eval(Some(lobe), wo, wi) * (wi.z / pdf);
+            let pdf = self.pdf_w(lobe, at, wi);
+            let weight = self.eval(Some(lobe), at, wi) * (wi.z / pdf);
             return (pdf > 0.0).then_some(BsdfSample { wi, weight, lobe });
         }
         if is_coat {

@@ -1,5 +1,9 @@
 //! Scattering at surfaces: the closed set of BSDFs.
 //!
+//! Each model is a file with an implementation of `Model`, a variant of [`Bsdf`] and a line of
+//! `with_model`. All else that depends on the model is a reader or a writer of scenes, or the list
+//! of those with wide kernels ([`CoatedBase::of`](coated_base::CoatedBase::of)).
+//!
 //! Directions are unit vectors that point away from the surface. In photon mapping a path either
 //! *merges* at a vertex or *passes through*. This is a property of the lobe ([`Lobe`]), not of the
 //! surface: a coat over a diffuse base has lobes of both kinds. At such a vertex photons merge
@@ -19,7 +23,10 @@ pub mod ggx;
 mod glossy;
 mod gtr1;
 mod klems;
+mod lambertian;
 mod layers;
+mod mirror;
+mod model;
 mod plastic;
 mod principled;
 mod rough_dielectric;
@@ -37,12 +44,14 @@ pub use principled::{Principled, PrincipledParameters};
 pub use rough_dielectric::RoughDielectric;
 pub use sample::{BsdfSample, LobeSet, LobeValue};
 
-use crate::base::math::{Frame, Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
+use crate::base::math::{Frame, Rgb};
 use crate::base::rng::Rng;
 use glam::Vec3;
-use layers::CoatOverBase;
+use lambertian::Lambertian;
+use mirror::Mirror;
+pub(in crate::scene) use model::TextureValues;
+use model::{Describe, Model, Transmission};
 use serde::Serialize;
-use std::f32::consts::FRAC_1_PI;
 
 /// Minimum GGX width of lobes that merge and connect like diffuse surfaces. Narrower lobes pass
 /// through: merged or connected directions would seldom carry light.
@@ -143,90 +152,94 @@ pub enum Bsdf {
     Klems(Klems),
 }
 
+/// Computes an expression with the [`Model`] of a BSDF: the list of all models.
+macro_rules! with_model {
+    ($bsdf:expr, $model:ident => $value:expr) => {
+        match $bsdf {
+            Bsdf::Lambertian { albedo, two_sided } => {
+                let $model = &Lambertian { albedo: *albedo, two_sided: *two_sided };
+                $value
+            }
+            Bsdf::Mirror { reflectance } => {
+                let $model = &Mirror { reflectance: *reflectance };
+                $value
+            }
+            Bsdf::Dielectric($model) => $value,
+            Bsdf::ThinDielectric($model) => $value,
+            Bsdf::Conductor($model) => $value,
+            Bsdf::RoughDielectric($model) => $value,
+            Bsdf::Coated($model) => $value,
+            Bsdf::Glossy($model) => $value,
+            Bsdf::Plastic($model) => $value,
+            Bsdf::Principled($model) => $value,
+            Bsdf::DiffuseTransmission($model) => $value,
+            Bsdf::Klems($model) => $value,
+        }
+    };
+}
+
 impl Bsdf {
     /// Reflects the share `albedo` diffusely from both sides.
     pub const fn diffuse(albedo: Rgb) -> Self {
         Self::Lambertian { albedo, two_sided: true }
     }
 
+    /// Returns true if any lobe is of this class.
+    #[inline]
+    fn has(&self, lobe: Lobe) -> bool {
+        with_model!(self, model => model.classes()).has(lobe)
+    }
+
+    #[inline]
+    fn transmission(&self) -> Transmission {
+        with_model!(self, model => model.transmission())
+    }
+
     /// Class of the widest lobe; `None` if all are single directions.
     #[inline]
     pub fn spread(&self) -> Option<Lobe> {
-        match self {
-            Self::Glossy(_) | Self::Plastic(_) | Self::Principled(_) => {
-                [Lobe::Diffuse, Lobe::Rough].into_iter().find(|lobe| self.has_one_of(*lobe))
-            }
-            Self::Lambertian { .. }
-            | Self::Coated(_)
-            | Self::DiffuseTransmission(_)
-            | Self::Klems(_) => Some(Lobe::Diffuse),
-            Self::Conductor(conductor) => conductor.spread(),
-            Self::RoughDielectric(_) => Some(Lobe::Rough),
-            Self::Mirror { .. } | Self::Dielectric(_) | Self::ThinDielectric(_) => None,
-        }
-    }
-
-    /// Returns true if a BSDF of several lobes has one of this class; false for others.
-    #[inline]
-    fn has_one_of(&self, lobe: Lobe) -> bool {
-        match self {
-            Self::Coated(coated) => coated.has(lobe),
-            Self::Glossy(glossy) => glossy.has(lobe),
-            Self::Plastic(plastic) => plastic.has(lobe),
-            Self::Principled(principled) => principled.has(lobe),
-            _ => false,
-        }
+        [Lobe::Diffuse, Lobe::Rough].into_iter().find(|lobe| self.has(*lobe))
     }
 
     /// Returns true if the BSDF depends on [`Vertex::tangent`].
     #[inline]
     pub fn is_anisotropic(&self) -> bool {
-        matches!(self, Self::Principled(principled) if principled.is_anisotropic())
+        with_model!(self, model => model.depends_on_tangent())
+    }
+
+    /// The BSDF where textures have these values; `None` if they do not change it.
+    pub(in crate::scene) fn textured(&self, texture: &TextureValues) -> Option<Self> {
+        with_model!(self, model => model.textured(texture))
     }
 
     /// Returns true if any lobe is diffuse.
     #[inline]
     pub fn merges(&self) -> bool {
-        self.spread() == Some(Lobe::Diffuse)
+        self.has(Lobe::Diffuse)
     }
 
     /// Returns true if any lobe passes through.
     #[inline]
     pub fn passes_through(&self) -> bool {
-        match self {
-            Self::Coated(_) => true,
-            Self::Glossy(glossy) => glossy.coat_lobe().passes_through(),
-            Self::Plastic(plastic) => plastic.coat_lobe().passes_through(),
-            Self::Principled(principled) => principled.has(Lobe::Rough),
-            _ => !self.merges(),
-        }
+        self.has(Lobe::Rough) || self.has(Lobe::Delta)
     }
 
     /// Returns true if any lobe is [`Lobe::Rough`].
     #[inline]
     pub fn has_rough(&self) -> bool {
-        match self {
-            Self::Glossy(_) | Self::Plastic(_) | Self::Principled(_) => {
-                self.has_one_of(Lobe::Rough)
-            }
-            _ => self.spread() == Some(Lobe::Rough),
-        }
+        self.has(Lobe::Rough)
     }
 
     /// Returns true if any lobe transmits light to the other side.
     #[inline]
     pub fn transmits(&self) -> bool {
-        match self {
-            Self::Dielectric(_) | Self::ThinDielectric(_) | Self::RoughDielectric(_) => true,
-            Self::Principled(principled) => principled.transmits(),
-            _ => self.transmits_diffusely(),
-        }
+        self.transmission() != Transmission::None
     }
 
     /// Returns true if a lobe that merges transmits light: photons on both sides merge.
     #[inline]
     pub fn transmits_diffusely(&self) -> bool {
-        matches!(self, Self::DiffuseTransmission(_) | Self::Klems(_))
+        self.transmission() == Transmission::Diffuse
     }
 
     /// Returns true if the value depends only on the sides of both directions: Lambertian
@@ -238,155 +251,70 @@ impl Bsdf {
 
     /// Returns true if all light goes straight on: the refractive indices on both sides are equal.
     pub fn is_index_matched(&self) -> bool {
-        match *self {
-            Self::Dielectric(Dielectric { eta, transmittance }) => {
-                eta == 1.0 && transmittance == Rgb::ONE
-            }
-            Self::ThinDielectric(sheet) => sheet == ThinDielectric::new(1.0),
-            _ => false,
+        if let Self::ThinDielectric(sheet) = self {
+            return *sheet == ThinDielectric::new(1.0);
         }
+        matches!(self, Self::Dielectric(interface) if *interface == Dielectric::new(1.0))
     }
 
     /// Albedo of the front or the back of a Lambertian surface; `None` for others.
     #[inline]
     pub fn diffuse_albedo(&self, front: bool) -> Option<Rgb> {
-        match *self {
-            Self::Lambertian { albedo, two_sided } => {
-                Some(if front || two_sided { albedo } else { Rgb::ZERO })
-            }
-            _ => None,
-        }
+        let Self::Lambertian { albedo, two_sided } = *self else { return None };
+        Some(Lambertian { albedo, two_sided }.of_side(front))
     }
 
     /// The value of all lobes but single directions, 1/sr, for light that arrives from `wi` and
     /// leaves toward `wo` ([`Transport::Radiance`]).
     #[inline]
     pub fn eval(&self, at: &Vertex, wi: Vec3) -> Rgb {
-        if let Some(albedo) = self.diffuse_albedo(at.front) {
-            return if wi.dot(at.normal) > 0.0 { albedo * FRAC_1_PI } else { Rgb::ZERO };
-        }
-        if let Self::DiffuseTransmission(sheet) = self {
-            return sheet.eval(wi.dot(at.normal));
-        }
-        if let Self::Klems(sheet) = self {
-            return sheet.eval(at, wi);
-        }
-        self.eval_locally(at, wi, None)
+        with_model!(self, model => Model::eval(model, None, at, wi))
     }
 
     /// [`Self::eval`] for the lobes of one class.
     #[inline]
     pub fn eval_lobe(&self, lobe: Lobe, at: &Vertex, wi: Vec3) -> Rgb {
-        match self {
-            Self::Glossy(_) | Self::Plastic(_) | Self::Principled(_) => {
-                self.eval_locally(at, wi, Some(lobe))
-            }
-            _ if self.spread() == Some(lobe) => self.eval(at, wi),
-            _ => Rgb::ZERO,
+        if lobe == Lobe::Delta || !self.has(lobe) {
+            return Rgb::ZERO;
         }
+        with_model!(self, model => Model::eval(model, Some(lobe), at, wi))
     }
 
     /// Values and densities of the lobes that merge, and of rough ones.
     pub fn lobes(&self, at: &Vertex, wi: Vec3) -> [LobeValue; 2] {
-        let frame = at.frame();
-        let local = |layers: &dyn Fn(Vec3, Vec3) -> [LobeValue; 2]| {
-            let wo = frame.to_local(at.wo);
-            if wo.z > 0.0 { layers(wo, frame.to_local(wi)) } else { Default::default() }
-        };
-        match self {
-            Self::Plastic(plastic) => local(&|wo, wi| plastic.lobes(wo, wi)),
-            Self::Coated(coated) => local(&|wo, wi| coated.lobes(wo, wi)),
-            Self::Glossy(glossy) => local(&|wo, wi| glossy.lobes(wo, wi)),
-            _ => [Lobe::Diffuse, Lobe::Rough].map(|lobe| {
-                let value = self.eval_lobe(lobe, at, wi);
-                LobeValue { value, pdf_w: self.pdf_w(lobe, at, wi) }
-            }),
-        }
-    }
-
-    /// The value of BSDFs that are not Lambertian, in the frame of the normal: of the lobes of one
-    /// class, or of all.
-    fn eval_locally(&self, at: &Vertex, wi: Vec3, lobe: Option<Lobe>) -> Rgb {
-        let frame = at.frame();
-        let (wo, wi) = (frame.to_local(at.wo), frame.to_local(wi));
-        if wo.z <= 0.0 {
-            return Rgb::ZERO;
-        }
-        match self {
-            Self::Conductor(conductor) => conductor.eval(wo, wi),
-            Self::RoughDielectric(interface) => interface.eval(wo, wi, at.front),
-            Self::Coated(coated) => coated.eval(lobe, wo, wi),
-            Self::Glossy(glossy) => glossy.eval(lobe, wo, wi),
-            Self::Plastic(plastic) => plastic.eval(lobe, wo, wi),
-            Self::Principled(principled) => principled.eval(lobe, wo, wi, at.front),
-            _ => Rgb::ZERO,
-        }
+        with_model!(self, model => Model::values(model, at, wi))
     }
 
     /// Density in solid angle, 1/sr, of [`Self::sample`] over the lobes of one class other than
     /// single directions. Its integral is less than 1 if there are other classes.
     pub fn pdf_w(&self, lobe: Lobe, at: &Vertex, wi: Vec3) -> f32 {
-        if self.spread() != Some(lobe) && !self.has_one_of(lobe) {
+        if lobe == Lobe::Delta || !self.has(lobe) {
             return 0.0;
         }
-        if let Self::Lambertian { two_sided, .. } = self {
-            // Like the value, also where `wo` is below the horizon of a shading normal.
-            let reflects = at.front || *two_sided;
-            return if reflects { cosine_hemisphere_pdf_w(wi.dot(at.normal)) } else { 0.0 };
-        }
-        if let Self::DiffuseTransmission(sheet) = self {
-            return sheet.pdf_w(wi.dot(at.normal));
-        }
-        if let Self::Klems(sheet) = self {
-            return sheet.pdf_w(at, wi);
-        }
-        let frame = at.frame();
-        let (wo, wi) = (frame.to_local(at.wo), frame.to_local(wi));
-        if wo.z <= 0.0 {
-            return 0.0;
-        }
-        match self {
-            Self::Conductor(conductor) => conductor.pdf_w(wo, wi),
-            Self::RoughDielectric(interface) => interface.pdf_w(wo, wi, at.front),
-            Self::Coated(coated) => coated.pdf_w(lobe, wo, wi),
-            Self::Glossy(glossy) => glossy.pdf_w(lobe, wo, wi),
-            Self::Plastic(plastic) => plastic.pdf_w(lobe, wo, wi),
-            Self::Principled(principled) => principled.pdf_w(lobe, wo, wi, at.front),
-            _ => 0.0,
-        }
+        with_model!(self, model => Model::pdf_w(model, lobe, at, wi))
     }
 
     /// Probability that [`Self::sample`] passes through, consistent with [`Self::pdf_w`].
     pub fn pass_prob(&self, at: &Vertex) -> f32 {
-        let wo = Frame::new(at.normal).to_local(at.wo);
-        match self {
-            Self::Coated(coated) if wo.z > 0.0 => coated.coat_prob(wo),
-            Self::Glossy(glossy) if self.passes_through() && wo.z > 0.0 => glossy.coat_prob(wo),
-            Self::Plastic(plastic) if self.passes_through() && wo.z > 0.0 => plastic.coat_prob(wo),
-            Self::Principled(principled) if wo.z > 0.0 => principled.pass_prob(wo, at.front),
-            _ if self.passes_through() => 1.0,
-            _ => 0.0,
-        }
+        with_model!(self, model => Model::pass_prob(model, at))
     }
 
-    /// Refractive index behind the surface over that in front, as seen from the front or the back;
-    /// 1 for BSDFs that do not refract.
+    /// Refractive index behind a smooth interface over that in front, as seen from the front or the
+    /// back; 1 for others.
     pub fn relative_index(&self, front: bool) -> f32 {
-        match self {
-            Self::Dielectric(interface) => dielectric::relative(interface.eta, front),
-            _ => 1.0,
-        }
+        let Self::Dielectric(interface) = self else { return 1.0 };
+        dielectric::relative(interface.eta, front)
     }
 
     /// The BSDF of an interface with another index behind it over that in front; others do not
     /// change.
     #[must_use]
     pub(crate) fn with_index(self, eta: f32) -> Self {
-        match self {
-            Self::Dielectric(interface) => Self::Dielectric(Dielectric { eta, ..interface }),
-            Self::RoughDielectric(interface) => Self::RoughDielectric(interface.with_index(eta)),
-            other => other,
+        if let Self::Dielectric(interface) = self {
+            return Self::Dielectric(Dielectric { eta, ..interface });
         }
+        let Self::RoughDielectric(interface) = self else { return self };
+        Self::RoughDielectric(interface.with_index(eta))
     }
 
     /// Samples the direction of the next segment; `None` where all is absorbed, or lost on another
@@ -412,86 +340,23 @@ impl Bsdf {
         wanted: LobeSet,
         rng: &mut Rng,
     ) -> Option<BsdfSample> {
-        if let Self::Lambertian { albedo, two_sided } = *self {
-            let sampled = wanted == LobeSet::All && (at.front || two_sided);
-            return sampled.then(|| {
-                let wi = cosine_hemisphere(at.normal, rng.next_2d());
-                BsdfSample { wi, weight: albedo, lobe: Lobe::Diffuse }
-            });
-        }
-        if let Self::DiffuseTransmission(sheet) = self {
-            return if wanted == LobeSet::All { sheet.sample(at.normal, rng) } else { None };
-        }
-        if let Self::Klems(sheet) = self {
-            return if wanted == LobeSet::All { sheet.sample(at, transport, rng) } else { None };
-        }
-        self.sample_locally(at, transport, wanted, rng)
-    }
-
-    /// [`Self::sample`] for BSDFs that are not Lambertian, in the frame of the normal.
-    fn sample_locally(
-        &self,
-        at: &Vertex,
-        transport: Transport,
-        wanted: LobeSet,
-        rng: &mut Rng,
-    ) -> Option<BsdfSample> {
         if wanted == LobeSet::PassThrough && !self.passes_through() {
             return None;
         }
-        let frame = at.frame();
-        let wo = frame.to_local(at.wo);
-        if wo.z <= 0.0 {
-            return None;
-        }
-        let sample = match self {
-            Self::Lambertian { .. } | Self::DiffuseTransmission(_) | Self::Klems(_) => None,
-            Self::Mirror { reflectance } => Some(mirrored(wo, *reflectance)),
-            Self::Dielectric(interface) => Some(interface.sample(wo, at.front, transport, rng)),
-            Self::ThinDielectric(sheet) => Some(sheet.sample(wo, rng)),
-            Self::Conductor(conductor) => conductor.sample(wo, rng),
-            Self::RoughDielectric(interface) => interface.sample(wo, at.front, transport, rng),
-            Self::Coated(coated) => coated.sample(wo, wanted, rng),
-            Self::Glossy(glossy) => glossy.sample(wo, wanted, rng),
-            Self::Plastic(plastic) => plastic.sample(wo, wanted, rng),
-            Self::Principled(principled) => principled.sample(wo, at.front, transport, wanted, rng),
-        }?;
-        Some(BsdfSample { wi: frame.to_world(sample.wi), ..sample })
+        with_model!(self, model => Model::sample(model, at, transport, wanted, rng))
     }
 
     /// The albedo feature for denoisers. Surfaces with a base have its color, metals their
     /// reflectance at normal incidence, rough glass its transmittance. Mirrors and clear glass are
     /// white.
     pub fn color(&self, front: bool) -> Rgb {
-        match self {
-            Self::Lambertian { albedo, two_sided } if front || *two_sided => *albedo,
-            Self::Lambertian { .. } => Rgb::ZERO,
-            Self::Coated(coated) => coated.albedo(),
-            Self::Glossy(glossy) => glossy.albedo(),
-            Self::Plastic(plastic) => plastic.albedo(),
-            Self::Principled(principled) => principled.parameters().base_color,
-            Self::DiffuseTransmission(sheet) => sheet.albedo(),
-            Self::Klems(sheet) => Rgb::splat(sheet.diffuse_shares(front).iter().sum()),
-            Self::Conductor(conductor) => conductor.normal_reflectance(),
-            Self::RoughDielectric(interface) => interface.transmittance(),
-            Self::Mirror { .. } | Self::Dielectric(_) | Self::ThinDielectric(_) => Rgb::ONE,
-        }
+        with_model!(self, model => model.color(front))
     }
 
     /// An upper bound of the scattered share of the incident flux, per channel; exact for
     /// Lambertian surfaces, mirrors and thin sheets that scatter diffusely.
     #[inline]
     pub fn albedo(&self) -> Rgb {
-        match self {
-            Self::Lambertian { albedo, .. } => *albedo,
-            Self::Mirror { reflectance } => *reflectance,
-            Self::DiffuseTransmission(sheet) => sheet.albedo(),
-            _ => Rgb::ONE,
-        }
+        with_model!(self, model => model.albedo_bound())
     }
-}
-
-/// The reflection of the local direction `wo` in the surface.
-fn mirrored(wo: Vec3, weight: Rgb) -> BsdfSample {
-    BsdfSample { wi: Vec3::new(-wo.x, -wo.y, wo.z), weight, lobe: Lobe::Delta }
 }

@@ -4,7 +4,8 @@
 use super::facets::{FacetModel, Facets};
 use super::ggx::reflect;
 use super::layers::{CoatOverBase, facets_lobe};
-use super::{Lobe, SMOOTH_ALPHA, fresnel};
+use super::model::{Describe, Lobes, TextureValues, Transmission};
+use super::{Bsdf, Lobe, SMOOTH_ALPHA, fresnel};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -235,6 +236,36 @@ impl Plastic {
         let middle = (e + f * x) + (g + h * x) * x2;
         let high = (i + j * x) + (k + l * x) * x2;
         (low + (middle + high * x4) * x4).clamp(0.0, 1.0)
+    }
+}
+
+impl Describe for Plastic {
+    #[inline]
+    fn classes(&self) -> Lobes {
+        self.coat_and_base()
+    }
+
+    #[inline]
+    fn transmission(&self) -> Transmission {
+        Transmission::None
+    }
+
+    #[inline]
+    fn depends_on_tangent(&self) -> bool {
+        false
+    }
+
+    fn textured(&self, texture: &TextureValues) -> Option<Bsdf> {
+        Some(Bsdf::Plastic(self.with_albedo(self.albedo * texture.color)))
+    }
+
+    fn color(&self, _front: bool) -> Rgb {
+        self.albedo
+    }
+
+    #[inline]
+    fn albedo_bound(&self) -> Rgb {
+        Rgb::ONE
     }
 }
 

@@ -5,8 +5,9 @@ use super::dielectric::{relative, transmission_scale};
 use super::ggx::reflect;
 use super::gtr1::Gtr1;
 use super::layers::facets_lobe;
+use super::model::{Describe, Lobes, Local, LocalModel, TextureValues, Transmission};
 use super::rough_dielectric::{RoughDielectric, refraction};
-use super::{BsdfSample, Lobe, LobeSet, Transport, fresnel};
+use super::{Bsdf, BsdfSample, Lobe, LobeSet, LobeValue, Transport, fresnel};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w, luminance};
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -158,11 +159,6 @@ impl Principled {
         &self.parameters
     }
 
-    /// Returns true if the value depends on the tangent.
-    pub fn is_anisotropic(&self) -> bool {
-        self.facets.x != self.facets.y
-    }
-
     /// Returns true if light crosses the surface.
     #[inline]
     pub(super) fn transmits(&self) -> bool {
@@ -190,16 +186,6 @@ impl Principled {
     #[inline]
     fn has_coat(&self) -> bool {
         self.parameters.clearcoat > 0.0
-    }
-
-    /// Returns true if the surface has a lobe of this class.
-    #[inline]
-    pub(super) fn has(&self, lobe: Lobe) -> bool {
-        match lobe {
-            Lobe::Diffuse => self.has_base() || self.facets_lobe() == Lobe::Diffuse,
-            Lobe::Rough => self.has_coat() || self.facets_lobe() == Lobe::Rough,
-            Lobe::Delta => false,
-        }
     }
 
     /// Schlick's weight of the reflectance at grazing incidence on a facet seen from the front.
@@ -262,27 +248,6 @@ impl Principled {
         }
     }
 
-    /// Probability of the lobes that pass through.
-    pub(super) fn pass_prob(&self, wo: Vec3, front: bool) -> f32 {
-        let front = self.is_front(front);
-        let LobeProbs { base, facets, coat } = self.wanted_probs(wo, front, Lobe::passes_through);
-        base + facets + coat
-    }
-
-    /// The value of the lobes of one class, or of all, 1/sr.
-    pub(super) fn eval(&self, lobe: Option<Lobe>, wo: Vec3, wi: Vec3, front: bool) -> Rgb {
-        let front = self.is_front(front);
-        let wanted = |own: Lobe| lobe.is_none_or(|lobe| lobe == own);
-        let facets =
-            if wanted(self.facets_lobe()) { self.eval_facets(wo, wi, front) } else { Rgb::ZERO };
-        if !front || wi.z <= 0.0 {
-            return facets;
-        }
-        let coat = if wanted(Lobe::Rough) { self.eval_coat(wo, wi) } else { 0.0 };
-        let base = if wanted(Lobe::Diffuse) { self.eval_base(wo, wi) } else { Rgb::ZERO };
-        facets + base + coat
-    }
-
     /// theory.md (32a), (29).
     fn eval_facets(&self, wo: Vec3, wi: Vec3, front: bool) -> Rgb {
         if wi.z <= 0.0 && !self.transmits() {
@@ -333,13 +298,6 @@ impl Principled {
         base_color * (self.base * FRAC_1_PI * value) + sheen
     }
 
-    /// Density of sampling the lobes of one class, 1/sr; its integral is less than 1 if there are
-    /// other classes.
-    pub(super) fn pdf_w(&self, lobe: Lobe, wo: Vec3, wi: Vec3, front: bool) -> f32 {
-        let front = self.is_front(front);
-        self.density(&self.wanted_probs(wo, front, |own| own == lobe), wo, wi, front)
-    }
-
     fn density(&self, probs: &LobeProbs, wo: Vec3, wi: Vec3, front: bool) -> f32 {
         let facets = if probs.facets > 0.0 { self.facets_pdf_w(wo, wi, front) } else { 0.0 };
         if wi.z <= 0.0 {
@@ -372,15 +330,93 @@ impl Principled {
         if transmitted > 0.0 { reflected / (reflected + transmitted) } else { 1.0 }
     }
 
-    pub(super) fn sample(
+    /// A direction from the main facets; `None` if it is on the wrong side of the surface.
+    fn sample_facets(&self, wo: Vec3, front: bool, rng: &mut Rng) -> Option<Vec3> {
+        let eta = relative(self.parameters.eta, front);
+        let m = self.facets.sample_visible(wo, rng.next_2d());
+        let cos = wo.dot(m);
+        let is_mirrored = !self.transmits() || rng.next_1d() < self.mirror_prob(cos, front);
+        if is_mirrored {
+            let wi = reflect(wo, m);
+            return (wi.z > 0.0).then_some(wi);
+        }
+        let (_, cos_t) = fresnel::dielectric(cos, eta);
+        let wi = ((cos / eta - cos_t) * m - wo / eta).normalize();
+        (wi.z < 0.0).then_some(wi)
+    }
+}
+
+impl Describe for Principled {
+    #[inline]
+    fn classes(&self) -> Lobes {
+        let facets = self.facets_lobe();
+        let diffuse = self.has_base() || facets == Lobe::Diffuse;
+        let rough = self.has_coat() || facets == Lobe::Rough;
+        Lobes { diffuse, rough, delta: false }
+    }
+
+    #[inline]
+    fn transmission(&self) -> Transmission {
+        if self.transmits() { Transmission::Passing } else { Transmission::None }
+    }
+
+    #[inline]
+    fn depends_on_tangent(&self) -> bool {
+        self.facets.x != self.facets.y
+    }
+
+    fn textured(&self, texture: &TextureValues) -> Option<Bsdf> {
+        let TextureValues { color, metallic, roughness, .. } = *texture;
+        Some(Bsdf::Principled(self.scaled(color, metallic, roughness)))
+    }
+
+    fn color(&self, _front: bool) -> Rgb {
+        self.parameters.base_color
+    }
+
+    #[inline]
+    fn albedo_bound(&self) -> Rgb {
+        Rgb::ONE
+    }
+}
+
+impl LocalModel for Principled {
+    fn eval(&self, lobe: Option<Lobe>, Local { wo, front }: Local, wi: Vec3) -> Rgb {
+        let front = self.is_front(front);
+        let wanted = |own: Lobe| lobe.is_none_or(|lobe| lobe == own);
+        let facets =
+            if wanted(self.facets_lobe()) { self.eval_facets(wo, wi, front) } else { Rgb::ZERO };
+        if !front || wi.z <= 0.0 {
+            return facets;
+        }
+        let coat = if wanted(Lobe::Rough) { self.eval_coat(wo, wi) } else { 0.0 };
+        let base = if wanted(Lobe::Diffuse) { self.eval_base(wo, wi) } else { Rgb::ZERO };
+        facets + base + coat
+    }
+
+    fn pdf_w(&self, lobe: Lobe, Local { wo, front }: Local, wi: Vec3) -> f32 {
+        let front = self.is_front(front);
+        self.density(&self.wanted_probs(wo, front, |own| own == lobe), wo, wi, front)
+    }
+
+    fn values(&self, _at: Local, _wi: Vec3) -> Option<[LobeValue; 2]> {
+        None
+    }
+
+    fn pass_prob(&self, Local { wo, front }: Local) -> f32 {
+        let front = self.is_front(front);
+        let LobeProbs { base, facets, coat } = self.wanted_probs(wo, front, Lobe::passes_through);
+        base + facets + coat
+    }
+
+    fn sample(
         &self,
-        wo: Vec3,
-        front: bool,
+        at: Local,
         transport: Transport,
         wanted: LobeSet,
         rng: &mut Rng,
     ) -> Option<BsdfSample> {
-        let front = self.is_front(front);
+        let (wo, front) = (at.wo, self.is_front(at.front));
         let is_wanted = |lobe: Lobe| wanted == LobeSet::All || lobe.passes_through();
         let probs = self.wanted_probs(wo, front, is_wanted);
         let sum = probs.base + probs.facets + probs.coat;
@@ -398,27 +434,12 @@ impl Principled {
             (self.sample_facets(wo, front, rng), self.facets_lobe())
         };
         let Some(wi) = wi else { return Some(BsdfSample::lost(lobe)) };
-        let pdf = self.pdf_w(lobe, wo, wi, front) / sum;
-        let mut weight = self.eval(Some(lobe), wo, wi, front) * (wi.z.abs() / pdf);
+        let pdf = self.pdf_w(lobe, at, wi) / sum;
+        let mut weight = self.eval(Some(lobe), at, wi) * (wi.z.abs() / pdf);
         if wi.z < 0.0 && transport == Transport::Flux {
             weight /= transmission_scale(Transport::Radiance, relative(self.parameters.eta, front));
         }
         (pdf > 0.0).then_some(BsdfSample { wi, weight, lobe })
-    }
-
-    /// A direction from the main facets; `None` if it is on the wrong side of the surface.
-    fn sample_facets(&self, wo: Vec3, front: bool, rng: &mut Rng) -> Option<Vec3> {
-        let eta = relative(self.parameters.eta, front);
-        let m = self.facets.sample_visible(wo, rng.next_2d());
-        let cos = wo.dot(m);
-        let is_mirrored = !self.transmits() || rng.next_1d() < self.mirror_prob(cos, front);
-        if is_mirrored {
-            let wi = reflect(wo, m);
-            return (wi.z > 0.0).then_some(wi);
-        }
-        let (_, cos_t) = fresnel::dielectric(cos, eta);
-        let wi = ((cos / eta - cos_t) * m - wo / eta).normalize();
-        (wi.z < 0.0).then_some(wi)
     }
 }
 

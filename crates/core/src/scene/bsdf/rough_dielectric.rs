@@ -2,7 +2,11 @@
 
 use super::dielectric::{relative, transmission_scale};
 use super::ggx::reflect;
-use super::{BsdfSample, FacetModel, Facets, Lobe, SMOOTH_ALPHA, Transport, fresnel};
+use super::model::{Describe, Lobes, Local, LocalModel, TextureValues, Transmission};
+use super::{
+    Bsdf, BsdfSample, FacetModel, Facets, Lobe, LobeSet, LobeValue, SMOOTH_ALPHA, Transport,
+    fresnel,
+};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -73,8 +77,40 @@ impl RoughDielectric {
         let seen = wo.dot(m) > 0.0 && wi.dot(m) * wi.z > 0.0;
         seen.then_some(m)
     }
+}
 
-    pub(super) fn eval(&self, wo: Vec3, wi: Vec3, front: bool) -> Rgb {
+impl Describe for RoughDielectric {
+    #[inline]
+    fn classes(&self) -> Lobes {
+        Lobes::of(Lobe::Rough)
+    }
+
+    #[inline]
+    fn transmission(&self) -> Transmission {
+        Transmission::Passing
+    }
+
+    #[inline]
+    fn depends_on_tangent(&self) -> bool {
+        false
+    }
+
+    fn textured(&self, _texture: &TextureValues) -> Option<Bsdf> {
+        None
+    }
+
+    fn color(&self, _front: bool) -> Rgb {
+        self.transmittance
+    }
+
+    #[inline]
+    fn albedo_bound(&self) -> Rgb {
+        Rgb::ONE
+    }
+}
+
+impl LocalModel for RoughDielectric {
+    fn eval(&self, _lobe: Option<Lobe>, Local { wo, front }: Local, wi: Vec3) -> Rgb {
         let eta = relative(self.eta, front);
         let Some(m) = Self::facet(wo, wi, eta) else { return Rgb::ZERO };
         let (reflected, _) = fresnel::dielectric(wo.dot(m), eta);
@@ -89,7 +125,7 @@ impl RoughDielectric {
         self.transmittance * value
     }
 
-    pub(super) fn pdf_w(&self, wo: Vec3, wi: Vec3, front: bool) -> f32 {
+    fn pdf_w(&self, _lobe: Lobe, Local { wo, front }: Local, wi: Vec3) -> f32 {
         let eta = relative(self.eta, front);
         let Some(m) = Self::facet(wo, wi, eta) else { return 0.0 };
         let (reflected, _) = fresnel::dielectric(wo.dot(m), eta);
@@ -100,11 +136,20 @@ impl RoughDielectric {
         (1.0 - reflected) * visible * refraction(wo, wi, m, eta)
     }
 
-    pub(super) fn sample(
+    fn values(&self, _at: Local, _wi: Vec3) -> Option<[LobeValue; 2]> {
+        None
+    }
+
+    #[inline]
+    fn pass_prob(&self, _at: Local) -> f32 {
+        1.0
+    }
+
+    fn sample(
         &self,
-        wo: Vec3,
-        front: bool,
+        Local { wo, front }: Local,
         transport: Transport,
+        _wanted: LobeSet,
         rng: &mut Rng,
     ) -> Option<BsdfSample> {
         let eta = relative(self.eta, front);

@@ -275,6 +275,24 @@ impl Emitter {
         }
     }
 
+    /// The largest luminance of surfaces that reflect all of it, and of its own surface,
+    /// W/(m^2 sr). Two factors stand for what a uniform surface, and one that is not, can have
+    /// above its mean. Points are at least the root of `near2` away.
+    pub(crate) fn brightest(&self, [uniform, varying]: [f64; 2], near2: f64) -> f64 {
+        let of = |radiance: Rgb| f64::from(luminance(radiance));
+        let pi = std::f64::consts::PI;
+        match self {
+            Self::Triangle { radiance, .. } => uniform * of(*radiance),
+            Self::Textured(panel) => varying * of(panel.seen_mean()),
+            Self::Directional(light) => of(light.irradiance) / pi,
+            Self::Point { intensity, .. } => of(*intensity) / (pi * near2),
+            Self::Spot(spot) => of(spot.intensity) / (pi * near2),
+            Self::Luminaire(_) | Self::Opening(_) => {
+                varying * of(self.power()) / (4.0 * pi * pi * near2)
+            }
+        }
+    }
+
     /// Returns true if the light emits anything.
     pub(in crate::scene) fn has_power(&self) -> bool {
         luminance(self.power()) > 0.0

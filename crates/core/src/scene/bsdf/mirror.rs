@@ -1,0 +1,65 @@
+//! Perfect mirrors.
+
+use super::model::{
+    Describe, Lobes, Local, LocalModel, TextureValues, Transmission, only_single_directions,
+};
+use super::{Bsdf, BsdfSample, Lobe, LobeSet, LobeValue, Transport};
+use crate::base::math::Rgb;
+use crate::base::rng::Rng;
+use glam::Vec3;
+
+/// [`Bsdf::Mirror`](super::Bsdf::Mirror) as a model.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mirror {
+    pub(super) reflectance: Rgb,
+}
+
+/// The reflection of the local direction `wo` in the surface.
+pub(super) fn mirrored(wo: Vec3, weight: Rgb) -> BsdfSample {
+    BsdfSample { wi: Vec3::new(-wo.x, -wo.y, wo.z), weight, lobe: Lobe::Delta }
+}
+
+impl Describe for Mirror {
+    #[inline]
+    fn classes(&self) -> Lobes {
+        Lobes::of(Lobe::Delta)
+    }
+
+    #[inline]
+    fn transmission(&self) -> Transmission {
+        Transmission::None
+    }
+
+    #[inline]
+    fn depends_on_tangent(&self) -> bool {
+        false
+    }
+
+    fn textured(&self, _texture: &TextureValues) -> Option<Bsdf> {
+        None
+    }
+
+    /// White: denoisers see what the mirror shows.
+    fn color(&self, _front: bool) -> Rgb {
+        Rgb::ONE
+    }
+
+    #[inline]
+    fn albedo_bound(&self) -> Rgb {
+        self.reflectance
+    }
+}
+
+impl LocalModel for Mirror {
+    only_single_directions!();
+
+    fn sample(
+        &self,
+        at: Local,
+        _transport: Transport,
+        _wanted: LobeSet,
+        _rng: &mut Rng,
+    ) -> Option<BsdfSample> {
+        Some(mirrored(at.wo, self.reflectance))
+    }
+}
