@@ -62,6 +62,7 @@ impl Describe for Dielectric {
 impl LocalModel for Dielectric {
     only_single_directions!();
 
+    #[inline]
     fn sample(
         &self,
         Local { wo, front }: Local,
@@ -178,6 +179,7 @@ impl Describe for ThinDielectric {
 impl LocalModel for ThinDielectric {
     only_single_directions!();
 
+    #[inline]
     fn sample(
         &self,
         Local { wo, .. }: Local,

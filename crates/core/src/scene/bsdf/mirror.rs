@@ -53,6 +53,7 @@ impl Describe for Mirror {
 impl LocalModel for Mirror {
     only_single_directions!();
 
+    #[inline]
     fn sample(
         &self,
         at: Local,

@@ -50,7 +50,7 @@ use glam::Vec3;
 use lambertian::Lambertian;
 use mirror::Mirror;
 pub(in crate::scene) use model::TextureValues;
-use model::{Describe, Model, Transmission};
+use model::{Describe, Lobes, Model, Transmission};
 use serde::Serialize;
 
 /// Minimum GGX width of lobes that merge and connect like diffuse surfaces. Narrower lobes pass
@@ -184,10 +184,9 @@ impl Bsdf {
         Self::Lambertian { albedo, two_sided: true }
     }
 
-    /// Returns true if any lobe is of this class.
     #[inline]
-    fn has(&self, lobe: Lobe) -> bool {
-        with_model!(self, model => model.classes()).has(lobe)
+    fn classes(&self) -> Lobes {
+        with_model!(self, model => model.classes())
     }
 
     #[inline]
@@ -198,7 +197,8 @@ impl Bsdf {
     /// Class of the widest lobe; `None` if all are single directions.
     #[inline]
     pub fn spread(&self) -> Option<Lobe> {
-        [Lobe::Diffuse, Lobe::Rough].into_iter().find(|lobe| self.has(*lobe))
+        let classes = self.classes();
+        [Lobe::Diffuse, Lobe::Rough].into_iter().find(|lobe| classes.has(*lobe))
     }
 
     /// Returns true if the BSDF depends on [`Vertex::tangent`].
@@ -215,19 +215,20 @@ impl Bsdf {
     /// Returns true if any lobe is diffuse.
     #[inline]
     pub fn merges(&self) -> bool {
-        self.has(Lobe::Diffuse)
+        self.classes().diffuse
     }
 
     /// Returns true if any lobe passes through.
     #[inline]
     pub fn passes_through(&self) -> bool {
-        self.has(Lobe::Rough) || self.has(Lobe::Delta)
+        let Lobes { rough, delta, .. } = self.classes();
+        rough || delta
     }
 
     /// Returns true if any lobe is [`Lobe::Rough`].
     #[inline]
     pub fn has_rough(&self) -> bool {
-        self.has(Lobe::Rough)
+        self.classes().rough
     }
 
     /// Returns true if any lobe transmits light to the other side.
@@ -274,7 +275,7 @@ impl Bsdf {
     /// [`Self::eval`] for the lobes of one class.
     #[inline]
     pub fn eval_lobe(&self, lobe: Lobe, at: &Vertex, wi: Vec3) -> Rgb {
-        if lobe == Lobe::Delta || !self.has(lobe) {
+        if lobe == Lobe::Delta || !self.classes().has(lobe) {
             return Rgb::ZERO;
         }
         with_model!(self, model => Model::eval(model, Some(lobe), at, wi))
@@ -288,7 +289,7 @@ impl Bsdf {
     /// Density in solid angle, 1/sr, of [`Self::sample`] over the lobes of one class other than
     /// single directions. Its integral is less than 1 if there are other classes.
     pub fn pdf_w(&self, lobe: Lobe, at: &Vertex, wi: Vec3) -> f32 {
-        if lobe == Lobe::Delta || !self.has(lobe) {
+        if lobe == Lobe::Delta || !self.classes().has(lobe) {
             return 0.0;
         }
         with_model!(self, model => Model::pdf_w(model, lobe, at, wi))
