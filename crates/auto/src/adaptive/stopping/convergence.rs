@@ -170,8 +170,10 @@ impl Convergence {
         let Some(SquaredPart { value, deviation }) = self.bias2 else {
             return SquaredPart { value: stop.without_difference().bias2, deviation: prior };
         };
-        let variances = prior.powi(2) + deviation.powi(2);
-        let certainty = if prior > 0.0 { prior.powi(2) / variances } else { 1.0 };
+        // How far both are apart, beyond the deviation of the image, is how wrong the pilot is.
+        let apart2 = ((value - stop.pilot_bias2).powi(2) - deviation.powi(2)).max(0.0);
+        let prior2 = prior.powi(2).max(apart2);
+        let certainty = if prior > 0.0 { prior2 / (prior2 + deviation.powi(2)) } else { 1.0 };
         let value = (certainty * value + (1.0 - certainty) * stop.pilot_bias2).max(0.0);
         SquaredPart { value, deviation: certainty.sqrt() * deviation }
     }
@@ -370,9 +372,12 @@ mod tests {
             let bias2 = Some(SquaredPart { value, deviation });
             Convergence { bias2, ..now.clone() }.with_measured_bias(&stop).bias2
         };
-        // The deviation of the pilot is 4e-4.
-        assert!((measured(stop, 9e-4, 4e-4) - 5e-4).abs() < 1e-12);
+        // The deviation of the pilot is 4e-4. That of the image explains what is between both.
+        assert!((measured(stop, 5e-4, 4e-4) - 3e-4).abs() < 1e-12);
         assert!((measured(stop, 9e-4, 1e-9) - 9e-4).abs() < 1e-9);
+        // A pilot that saw hardly any bias does not outweigh an image that is certain of it.
+        let certain = measured(Stop::default().with_pilot_bias2(2.6e-5), 1.6e-3, 3.2e-4);
+        assert!((certain - 1.54e-3).abs() < 2e-5, "{certain}");
         assert_eq!(measured(stop, -9e-4, 4e-4), 0.0);
         // Its deviation does not grow from one estimate to the next.
         assert_eq!(measured(stop.with_pilot_bias2(0.0), 3e-4, 1.0), 3e-4);
