@@ -2,7 +2,7 @@
 //!
 //! Each model is a file with an implementation of `Model`, a variant of [`Bsdf`] and a line of
 //! `with_model`. All else that depends on the model is a reader or a writer of scenes, or the list
-//! of those with wide kernels ([`CoatedBase::of`](coated_base::CoatedBase::of)).
+//! of those with wide kernels (`CoatedBase::of`).
 //!
 //! Directions are unit vectors that point away from the surface. In photon mapping a path either
 //! *merges* at a vertex or *passes through*. This is a property of the lobe ([`Lobe`]), not of the
