@@ -23,8 +23,11 @@ pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 /// Seconds of each half of a reference, unless the variable `REFERENCE` says otherwise.
 const REFERENCE: f64 = 40.0;
 
-fn reference_seconds() -> f64 {
-    std::env::var("REFERENCE").ok().and_then(|own| own.parse().ok()).unwrap_or(REFERENCE)
+fn reference_seconds() -> Result<f64> {
+    match std::env::var("REFERENCE") {
+        Ok(text) => text.parse().map_err(|_| format!("REFERENCE={text} is no number").into()),
+        Err(_) => Ok(REFERENCE),
+    }
 }
 
 /// A scene at a size.
@@ -167,12 +170,12 @@ impl Subject {
         if self.by_path {
             let strategy = Strategy::Path;
             let traced = Settings { strategy, merge_vertex: 2, guide: 0, seed, ..own.clone() };
-            return Ok(self.render(traced, FreeParameters::NONE, reference_seconds())?.luminance);
+            return Ok(self.render(traced, FreeParameters::NONE, reference_seconds()?)?.luminance);
         }
         let radius = 0.25 * own.radius;
         let narrow = Settings { radius, caustic_radius: 0.4 * radius, seed, ..own.clone() };
         let strategy = FreeParameters { strategy: true, ..FreeParameters::NONE };
-        Ok(self.render(narrow, strategy, reference_seconds())?.luminance)
+        Ok(self.render(narrow, strategy, reference_seconds()?)?.luminance)
     }
 
     /// Settings of the scene with a technique at its radii.

@@ -1,7 +1,7 @@
 //! A Lambertian base under a smooth, clear dielectric coat, with all reflections in between.
 
 use super::layers::CoatOverBase;
-use super::model::{Describe, Lobes, TextureValues, Transmission};
+use super::model::{Describe, TextureValues, Traits, Transmission};
 use super::{Bsdf, Lobe, fresnel};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
@@ -65,18 +65,13 @@ impl Coated {
 
 impl Describe for Coated {
     #[inline]
-    fn classes(&self) -> Lobes {
-        self.coat_and_base()
-    }
-
-    #[inline]
-    fn transmission(&self) -> Transmission {
-        Transmission::None
-    }
-
-    #[inline]
-    fn depends_on_tangent(&self) -> bool {
-        false
+    fn traits(&self) -> Traits {
+        Traits {
+            classes: self.coat_and_base(),
+            transmission: Transmission::None,
+            depends_on_tangent: false,
+            albedo_bound: Rgb::ONE,
+        }
     }
 
     fn textured(&self, texture: &TextureValues) -> Option<Bsdf> {
@@ -85,11 +80,6 @@ impl Describe for Coated {
 
     fn color(&self, _front: bool) -> Rgb {
         self.albedo
-    }
-
-    #[inline]
-    fn albedo_bound(&self) -> Rgb {
-        Rgb::ONE
     }
 }
 

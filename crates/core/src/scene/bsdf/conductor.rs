@@ -4,7 +4,7 @@
 use super::ggx::{Ggx, reflect};
 use super::layers::facets_lobe;
 use super::mirror::mirrored;
-use super::model::{Describe, Lobes, Local, LocalModel, TextureValues, Transmission};
+use super::model::{Describe, Lobes, Local, LocalModel, TextureValues, Traits, Transmission};
 use super::{
     Bsdf, BsdfSample, FacetModel, Facets, Lobe, LobeSet, LobeValue, SMOOTH_ALPHA, Transport,
     fresnel,
@@ -156,18 +156,13 @@ impl Conductor {
 
 impl Describe for Conductor {
     #[inline]
-    fn classes(&self) -> Lobes {
-        Lobes::of(facets_lobe(self.facets.alpha))
-    }
-
-    #[inline]
-    fn transmission(&self) -> Transmission {
-        Transmission::None
-    }
-
-    #[inline]
-    fn depends_on_tangent(&self) -> bool {
-        false
+    fn traits(&self) -> Traits {
+        Traits {
+            classes: Lobes::of(facets_lobe(self.facets.alpha)),
+            transmission: Transmission::None,
+            depends_on_tangent: false,
+            albedo_bound: Rgb::ONE,
+        }
     }
 
     fn textured(&self, _texture: &TextureValues) -> Option<Bsdf> {
@@ -176,11 +171,6 @@ impl Describe for Conductor {
 
     fn color(&self, _front: bool) -> Rgb {
         self.normal_reflectance()
-    }
-
-    #[inline]
-    fn albedo_bound(&self) -> Rgb {
-        Rgb::ONE
     }
 }
 

@@ -3,7 +3,7 @@
 use super::fresnel::PolarizedShares;
 use super::mirror::mirrored;
 use super::model::{
-    Describe, Lobes, Local, LocalModel, TextureValues, Transmission, only_single_directions,
+    Describe, Lobes, Local, LocalModel, TextureValues, Traits, Transmission, only_single_directions,
 };
 use super::{Bsdf, BsdfSample, Lobe, LobeSet, LobeValue, Transport, fresnel};
 use crate::base::math::Rgb;
@@ -30,18 +30,13 @@ impl Dielectric {
 
 impl Describe for Dielectric {
     #[inline]
-    fn classes(&self) -> Lobes {
-        Lobes::of(Lobe::Delta)
-    }
-
-    #[inline]
-    fn transmission(&self) -> Transmission {
-        Transmission::Passing
-    }
-
-    #[inline]
-    fn depends_on_tangent(&self) -> bool {
-        false
+    fn traits(&self) -> Traits {
+        Traits {
+            classes: Lobes::of(Lobe::Delta),
+            transmission: Transmission::Passing,
+            depends_on_tangent: false,
+            albedo_bound: Rgb::ONE,
+        }
     }
 
     fn textured(&self, _texture: &TextureValues) -> Option<Bsdf> {
@@ -50,11 +45,6 @@ impl Describe for Dielectric {
 
     /// White: denoisers see what the glass shows.
     fn color(&self, _front: bool) -> Rgb {
-        Rgb::ONE
-    }
-
-    #[inline]
-    fn albedo_bound(&self) -> Rgb {
         Rgb::ONE
     }
 }
@@ -147,18 +137,13 @@ impl ThinDielectric {
 
 impl Describe for ThinDielectric {
     #[inline]
-    fn classes(&self) -> Lobes {
-        Lobes::of(Lobe::Delta)
-    }
-
-    #[inline]
-    fn transmission(&self) -> Transmission {
-        Transmission::Passing
-    }
-
-    #[inline]
-    fn depends_on_tangent(&self) -> bool {
-        false
+    fn traits(&self) -> Traits {
+        Traits {
+            classes: Lobes::of(Lobe::Delta),
+            transmission: Transmission::Passing,
+            depends_on_tangent: false,
+            albedo_bound: Rgb::ONE,
+        }
     }
 
     fn textured(&self, _texture: &TextureValues) -> Option<Bsdf> {
@@ -167,11 +152,6 @@ impl Describe for ThinDielectric {
 
     /// White: denoisers see what the sheet shows.
     fn color(&self, _front: bool) -> Rgb {
-        Rgb::ONE
-    }
-
-    #[inline]
-    fn albedo_bound(&self) -> Rgb {
         Rgb::ONE
     }
 }

@@ -1,6 +1,6 @@
 //! Diffuse reflection and transmission by thin sheets: paper, fabric, lampshades, leaves.
 
-use super::model::{Describe, Lobes, Model, TextureValues, Transmission, values_by_class};
+use super::model::{Describe, Lobes, Model, TextureValues, Traits, Transmission, values_by_class};
 use super::{Bsdf, BsdfSample, Lobe, LobeSet, LobeValue, Transport, Vertex};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
@@ -103,18 +103,13 @@ impl DiffuseTransmission {
 
 impl Describe for DiffuseTransmission {
     #[inline]
-    fn classes(&self) -> Lobes {
-        Lobes::of(Lobe::Diffuse)
-    }
-
-    #[inline]
-    fn transmission(&self) -> Transmission {
-        Transmission::Diffuse
-    }
-
-    #[inline]
-    fn depends_on_tangent(&self) -> bool {
-        false
+    fn traits(&self) -> Traits {
+        Traits {
+            classes: Lobes::of(Lobe::Diffuse),
+            transmission: Transmission::Diffuse,
+            depends_on_tangent: false,
+            albedo_bound: self.albedo(),
+        }
     }
 
     fn textured(&self, texture: &TextureValues) -> Option<Bsdf> {
@@ -122,11 +117,6 @@ impl Describe for DiffuseTransmission {
     }
 
     fn color(&self, _front: bool) -> Rgb {
-        self.albedo()
-    }
-
-    #[inline]
-    fn albedo_bound(&self) -> Rgb {
         self.albedo()
     }
 }

@@ -4,7 +4,7 @@
 use super::conductor::multiple_scattering;
 use super::ggx::{Ggx, reflect};
 use super::layers::{CoatOverBase, facets_lobe};
-use super::model::{Describe, Lobes, TextureValues, Transmission};
+use super::model::{Describe, TextureValues, Traits, Transmission};
 use super::{Bsdf, Lobe, SMOOTH_ALPHA, fresnel};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
@@ -122,18 +122,13 @@ impl Glossy {
 
 impl Describe for Glossy {
     #[inline]
-    fn classes(&self) -> Lobes {
-        self.coat_and_base()
-    }
-
-    #[inline]
-    fn transmission(&self) -> Transmission {
-        Transmission::None
-    }
-
-    #[inline]
-    fn depends_on_tangent(&self) -> bool {
-        false
+    fn traits(&self) -> Traits {
+        Traits {
+            classes: self.coat_and_base(),
+            transmission: Transmission::None,
+            depends_on_tangent: false,
+            albedo_bound: Rgb::ONE,
+        }
     }
 
     fn textured(&self, texture: &TextureValues) -> Option<Bsdf> {
@@ -143,11 +138,6 @@ impl Describe for Glossy {
 
     fn color(&self, _front: bool) -> Rgb {
         self.albedo
-    }
-
-    #[inline]
-    fn albedo_bound(&self) -> Rgb {
-        Rgb::ONE
     }
 }
 

@@ -1,7 +1,7 @@
 //! Scattering of windows, blinds and prismatic sheets by matrices over patches of directions
 //! (Klems 1994), as WINDOW and genBSDF write them. theory.md (27c), (27d)
 
-use super::model::{Describe, Lobes, Model, TextureValues, Transmission, values_by_class};
+use super::model::{Describe, Lobes, Model, TextureValues, Traits, Transmission, values_by_class};
 use super::{Bsdf, BsdfSample, Lobe, LobeSet, LobeValue, Transport, Vertex};
 use crate::base::math::{Frame, Rgb};
 use crate::base::rng::Rng;
@@ -389,18 +389,13 @@ impl Klems {
 
 impl Describe for Klems {
     #[inline]
-    fn classes(&self) -> Lobes {
-        Lobes::of(Lobe::Diffuse)
-    }
-
-    #[inline]
-    fn transmission(&self) -> Transmission {
-        Transmission::Diffuse
-    }
-
-    #[inline]
-    fn depends_on_tangent(&self) -> bool {
-        false
+    fn traits(&self) -> Traits {
+        Traits {
+            classes: Lobes::of(Lobe::Diffuse),
+            transmission: Transmission::Diffuse,
+            depends_on_tangent: false,
+            albedo_bound: Rgb::ONE,
+        }
     }
 
     fn textured(&self, _texture: &TextureValues) -> Option<Bsdf> {
@@ -409,11 +404,6 @@ impl Describe for Klems {
 
     fn color(&self, front: bool) -> Rgb {
         Rgb::splat(self.diffuse_shares(front).iter().sum())
-    }
-
-    #[inline]
-    fn albedo_bound(&self) -> Rgb {
-        Rgb::ONE
     }
 }
 

@@ -1,6 +1,6 @@
 //! Ideal diffuse reflection.
 
-use super::model::{Describe, Lobes, Model, TextureValues, Transmission, values_by_class};
+use super::model::{Describe, Lobes, Model, TextureValues, Traits, Transmission, values_by_class};
 use super::{Bsdf, BsdfSample, Lobe, LobeSet, LobeValue, Transport, Vertex};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
@@ -24,18 +24,13 @@ impl Lambertian {
 
 impl Describe for Lambertian {
     #[inline]
-    fn classes(&self) -> Lobes {
-        Lobes::of(Lobe::Diffuse)
-    }
-
-    #[inline]
-    fn transmission(&self) -> Transmission {
-        Transmission::None
-    }
-
-    #[inline]
-    fn depends_on_tangent(&self) -> bool {
-        false
+    fn traits(&self) -> Traits {
+        Traits {
+            classes: Lobes::of(Lobe::Diffuse),
+            transmission: Transmission::None,
+            depends_on_tangent: false,
+            albedo_bound: self.albedo,
+        }
     }
 
     fn textured(&self, texture: &TextureValues) -> Option<Bsdf> {
@@ -45,11 +40,6 @@ impl Describe for Lambertian {
 
     fn color(&self, front: bool) -> Rgb {
         self.of_side(front)
-    }
-
-    #[inline]
-    fn albedo_bound(&self) -> Rgb {
-        self.albedo
     }
 }
 

@@ -1,7 +1,7 @@
 //! Perfect mirrors.
 
 use super::model::{
-    Describe, Lobes, Local, LocalModel, TextureValues, Transmission, only_single_directions,
+    Describe, Lobes, Local, LocalModel, TextureValues, Traits, Transmission, only_single_directions,
 };
 use super::{Bsdf, BsdfSample, Lobe, LobeSet, LobeValue, Transport};
 use crate::base::math::Rgb;
@@ -21,18 +21,13 @@ pub(super) fn mirrored(wo: Vec3, weight: Rgb) -> BsdfSample {
 
 impl Describe for Mirror {
     #[inline]
-    fn classes(&self) -> Lobes {
-        Lobes::of(Lobe::Delta)
-    }
-
-    #[inline]
-    fn transmission(&self) -> Transmission {
-        Transmission::None
-    }
-
-    #[inline]
-    fn depends_on_tangent(&self) -> bool {
-        false
+    fn traits(&self) -> Traits {
+        Traits {
+            classes: Lobes::of(Lobe::Delta),
+            transmission: Transmission::None,
+            depends_on_tangent: false,
+            albedo_bound: self.reflectance,
+        }
     }
 
     fn textured(&self, _texture: &TextureValues) -> Option<Bsdf> {
@@ -42,11 +37,6 @@ impl Describe for Mirror {
     /// White: denoisers see what the mirror shows.
     fn color(&self, _front: bool) -> Rgb {
         Rgb::ONE
-    }
-
-    #[inline]
-    fn albedo_bound(&self) -> Rgb {
-        self.reflectance
     }
 }
 

@@ -50,7 +50,7 @@ use glam::Vec3;
 use lambertian::Lambertian;
 use mirror::Mirror;
 pub(in crate::scene) use model::TextureValues;
-use model::{Describe, Lobes, Model, Transmission};
+use model::{Describe, Lobes, Model, Traits, Transmission};
 use serde::Serialize;
 
 /// Minimum GGX width of lobes that merge and connect like diffuse surfaces. Narrower lobes pass
@@ -185,26 +185,21 @@ impl Bsdf {
     }
 
     #[inline]
-    fn classes(&self) -> Lobes {
-        with_model!(self, model => model.classes())
-    }
-
-    #[inline]
-    fn transmission(&self) -> Transmission {
-        with_model!(self, model => model.transmission())
+    fn traits(&self) -> Traits {
+        with_model!(self, model => model.traits())
     }
 
     /// Class of the widest lobe; `None` if all are single directions.
     #[inline]
     pub fn spread(&self) -> Option<Lobe> {
-        let classes = self.classes();
+        let classes = self.traits().classes;
         [Lobe::Diffuse, Lobe::Rough].into_iter().find(|lobe| classes.has(*lobe))
     }
 
     /// Returns true if the BSDF depends on [`Vertex::tangent`].
     #[inline]
     pub fn is_anisotropic(&self) -> bool {
-        with_model!(self, model => model.depends_on_tangent())
+        self.traits().depends_on_tangent
     }
 
     /// The BSDF where textures have these values; `None` if they do not change it.
@@ -215,32 +210,32 @@ impl Bsdf {
     /// Returns true if any lobe is diffuse.
     #[inline]
     pub fn merges(&self) -> bool {
-        self.classes().diffuse
+        self.traits().classes.diffuse
     }
 
     /// Returns true if any lobe passes through.
     #[inline]
     pub fn passes_through(&self) -> bool {
-        let Lobes { rough, delta, .. } = self.classes();
+        let Lobes { rough, delta, .. } = self.traits().classes;
         rough || delta
     }
 
     /// Returns true if any lobe is [`Lobe::Rough`].
     #[inline]
     pub fn has_rough(&self) -> bool {
-        self.classes().rough
+        self.traits().classes.rough
     }
 
     /// Returns true if any lobe transmits light to the other side.
     #[inline]
     pub fn transmits(&self) -> bool {
-        self.transmission() != Transmission::None
+        self.traits().transmission != Transmission::None
     }
 
     /// Returns true if a lobe that merges transmits light: photons on both sides merge.
     #[inline]
     pub fn transmits_diffusely(&self) -> bool {
-        self.transmission() == Transmission::Diffuse
+        self.traits().transmission == Transmission::Diffuse
     }
 
     /// Returns true if the value depends only on the sides of both directions: Lambertian
@@ -275,7 +270,7 @@ impl Bsdf {
     /// [`Self::eval`] for the lobes of one class.
     #[inline]
     pub fn eval_lobe(&self, lobe: Lobe, at: &Vertex, wi: Vec3) -> Rgb {
-        if lobe == Lobe::Delta || !self.classes().has(lobe) {
+        if lobe == Lobe::Delta || !self.traits().classes.has(lobe) {
             return Rgb::ZERO;
         }
         with_model!(self, model => Model::eval(model, Some(lobe), at, wi))
@@ -289,7 +284,7 @@ impl Bsdf {
     /// Density in solid angle, 1/sr, of [`Self::sample`] over the lobes of one class other than
     /// single directions. Its integral is less than 1 if there are other classes.
     pub fn pdf_w(&self, lobe: Lobe, at: &Vertex, wi: Vec3) -> f32 {
-        if lobe == Lobe::Delta || !self.classes().has(lobe) {
+        if lobe == Lobe::Delta || !self.traits().classes.has(lobe) {
             return 0.0;
         }
         with_model!(self, model => Model::pdf_w(model, lobe, at, wi))
@@ -358,6 +353,6 @@ impl Bsdf {
     /// Lambertian surfaces, mirrors and thin sheets that scatter diffusely.
     #[inline]
     pub fn albedo(&self) -> Rgb {
-        with_model!(self, model => model.albedo_bound())
+        self.traits().albedo_bound
     }
 }

@@ -1,4 +1,4 @@
-//! What each model of scattering says of itself and computes.
+//! The functions of a model of scattering.
 //!
 //! Everything that a [`Bsdf`](super::Bsdf) does is a function of [`Model`] that no model may leave
 //! out. Models whose formulas know only directions in the frame of the normal are [`LocalModel`]s.
@@ -51,7 +51,20 @@ pub(super) enum Transmission {
     Diffuse,
 }
 
-/// What the textures of a material say of a point, as factors of its parameters: 1 where there is
+/// A surface for paths, whatever their directions.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Traits {
+    /// Classes of its lobes.
+    pub(super) classes: Lobes,
+    /// How light reaches the other side.
+    pub(super) transmission: Transmission,
+    /// The value depends on [`Vertex::tangent`].
+    pub(super) depends_on_tangent: bool,
+    /// An upper bound of the scattered share of the incident flux.
+    pub(super) albedo_bound: Rgb,
+}
+
+/// Values of the textures of a material at a point, as factors of its parameters: 1 where there is
 /// no texture.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::scene) struct TextureValues {
@@ -63,25 +76,16 @@ pub(in crate::scene) struct TextureValues {
     pub(in crate::scene) roughness: f32,
 }
 
-/// What a surface is, whatever the directions.
+/// A surface, whatever the directions.
 pub(super) trait Describe {
-    /// Classes of its lobes.
-    fn classes(&self) -> Lobes;
-
-    /// How light reaches the other side.
-    fn transmission(&self) -> Transmission;
-
-    /// Returns true if the value depends on [`Vertex::tangent`].
-    fn depends_on_tangent(&self) -> bool;
+    /// What it is for paths.
+    fn traits(&self) -> Traits;
 
     /// The surface where textures have these values; `None` if they do not change it.
     fn textured(&self, texture: &TextureValues) -> Option<Bsdf>;
 
     /// Color of the front or the back as a feature for denoisers.
     fn color(&self, front: bool) -> Rgb;
-
-    /// An upper bound of the scattered share of the incident flux.
-    fn albedo_bound(&self) -> Rgb;
 }
 
 /// The direction back along the path in the frame of the normal, and its side of the surface. Its
@@ -120,7 +124,7 @@ pub(super) trait Model: Describe {
 /// [`Model::values`] by the functions of each class.
 pub(super) fn values_by_class(model: &impl Model, at: &Vertex, wi: Vec3) -> [LobeValue; 2] {
     [Lobe::Diffuse, Lobe::Rough].map(|lobe| {
-        if !model.classes().has(lobe) {
+        if !model.traits().classes.has(lobe) {
             return LobeValue::default();
         }
         LobeValue { value: model.eval(Some(lobe), at, wi), pdf_w: model.pdf_w(lobe, at, wi) }
@@ -187,7 +191,7 @@ impl<M: LocalModel> Model for M {
     fn pass_prob(&self, at: &Vertex) -> f32 {
         let wo = Frame::new(at.normal).to_local(at.wo);
         if wo.z <= 0.0 {
-            let Lobes { rough, delta, .. } = self.classes();
+            let Lobes { rough, delta, .. } = self.traits().classes;
             return if rough || delta { 1.0 } else { 0.0 };
         }
         LocalModel::pass_prob(self, Local { wo, front: at.front })

@@ -4,7 +4,7 @@
 use super::facets::{FacetModel, Facets};
 use super::ggx::reflect;
 use super::layers::{CoatOverBase, facets_lobe};
-use super::model::{Describe, Lobes, TextureValues, Transmission};
+use super::model::{Describe, TextureValues, Traits, Transmission};
 use super::{Bsdf, Lobe, SMOOTH_ALPHA, fresnel};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
@@ -241,18 +241,13 @@ impl Plastic {
 
 impl Describe for Plastic {
     #[inline]
-    fn classes(&self) -> Lobes {
-        self.coat_and_base()
-    }
-
-    #[inline]
-    fn transmission(&self) -> Transmission {
-        Transmission::None
-    }
-
-    #[inline]
-    fn depends_on_tangent(&self) -> bool {
-        false
+    fn traits(&self) -> Traits {
+        Traits {
+            classes: self.coat_and_base(),
+            transmission: Transmission::None,
+            depends_on_tangent: false,
+            albedo_bound: Rgb::ONE,
+        }
     }
 
     fn textured(&self, texture: &TextureValues) -> Option<Bsdf> {
@@ -261,11 +256,6 @@ impl Describe for Plastic {
 
     fn color(&self, _front: bool) -> Rgb {
         self.albedo
-    }
-
-    #[inline]
-    fn albedo_bound(&self) -> Rgb {
-        Rgb::ONE
     }
 }
 

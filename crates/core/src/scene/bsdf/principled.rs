@@ -5,7 +5,7 @@ use super::dielectric::{relative, transmission_scale};
 use super::ggx::reflect;
 use super::gtr1::Gtr1;
 use super::layers::facets_lobe;
-use super::model::{Describe, Lobes, Local, LocalModel, TextureValues, Transmission};
+use super::model::{Describe, Lobes, Local, LocalModel, TextureValues, Traits, Transmission};
 use super::rough_dielectric::{RoughDielectric, refraction};
 use super::{Bsdf, BsdfSample, Lobe, LobeSet, LobeValue, Transport, fresnel};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w, luminance};
@@ -348,21 +348,16 @@ impl Principled {
 
 impl Describe for Principled {
     #[inline]
-    fn classes(&self) -> Lobes {
+    fn traits(&self) -> Traits {
         let facets = self.facets_lobe();
         let diffuse = self.has_base() || facets == Lobe::Diffuse;
         let rough = self.has_coat() || facets == Lobe::Rough;
-        Lobes { diffuse, rough, delta: false }
-    }
-
-    #[inline]
-    fn transmission(&self) -> Transmission {
-        if self.transmits() { Transmission::Passing } else { Transmission::None }
-    }
-
-    #[inline]
-    fn depends_on_tangent(&self) -> bool {
-        self.facets.x != self.facets.y
+        Traits {
+            classes: Lobes { diffuse, rough, delta: false },
+            transmission: if self.transmits() { Transmission::Passing } else { Transmission::None },
+            depends_on_tangent: self.facets.x != self.facets.y,
+            albedo_bound: Rgb::ONE,
+        }
     }
 
     fn textured(&self, texture: &TextureValues) -> Option<Bsdf> {
@@ -372,11 +367,6 @@ impl Describe for Principled {
 
     fn color(&self, _front: bool) -> Rgb {
         self.parameters.base_color
-    }
-
-    #[inline]
-    fn albedo_bound(&self) -> Rgb {
-        Rgb::ONE
     }
 }
 

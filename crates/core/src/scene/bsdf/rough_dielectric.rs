@@ -2,7 +2,7 @@
 
 use super::dielectric::{relative, transmission_scale};
 use super::ggx::reflect;
-use super::model::{Describe, Lobes, Local, LocalModel, TextureValues, Transmission};
+use super::model::{Describe, Lobes, Local, LocalModel, TextureValues, Traits, Transmission};
 use super::{
     Bsdf, BsdfSample, FacetModel, Facets, Lobe, LobeSet, LobeValue, SMOOTH_ALPHA, Transport,
     fresnel,
@@ -81,18 +81,13 @@ impl RoughDielectric {
 
 impl Describe for RoughDielectric {
     #[inline]
-    fn classes(&self) -> Lobes {
-        Lobes::of(Lobe::Rough)
-    }
-
-    #[inline]
-    fn transmission(&self) -> Transmission {
-        Transmission::Passing
-    }
-
-    #[inline]
-    fn depends_on_tangent(&self) -> bool {
-        false
+    fn traits(&self) -> Traits {
+        Traits {
+            classes: Lobes::of(Lobe::Rough),
+            transmission: Transmission::Passing,
+            depends_on_tangent: false,
+            albedo_bound: Rgb::ONE,
+        }
     }
 
     fn textured(&self, _texture: &TextureValues) -> Option<Bsdf> {
@@ -101,11 +96,6 @@ impl Describe for RoughDielectric {
 
     fn color(&self, _front: bool) -> Rgb {
         self.transmittance
-    }
-
-    #[inline]
-    fn albedo_bound(&self) -> Rgb {
-        Rgb::ONE
     }
 }
 
