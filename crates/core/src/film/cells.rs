@@ -34,6 +34,12 @@ impl CellGrid {
         Self { image, side: 1 }
     }
 
+    /// Cells of this side, a power of two.
+    pub fn with_side(image: (u32, u32), side: u32) -> Self {
+        debug_assert!(side.is_power_of_two());
+        Self { image, side }
+    }
+
     /// Pixels along each side of a cell, except at the right and lower border of the image.
     pub fn side(self) -> u32 {
         self.side

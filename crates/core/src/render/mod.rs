@@ -10,6 +10,7 @@ mod direction_learning;
 pub mod findable_light;
 pub mod narrow_beam;
 pub mod block;
+mod coarse_bias;
 pub mod combined_image;
 mod config;
 pub mod guiding;

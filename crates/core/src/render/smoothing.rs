@@ -27,6 +27,31 @@ pub(super) fn smooth<const N: usize>(
     along(&rows, width, SMOOTHING_RADIUS, height)
 }
 
+/// Sums around each cell. Their weights are a function of `1 - x/size` times `1 - y/size` at a
+/// distance of `x` columns and `y` rows, and 0 from `size` cells on.
+pub(super) fn tent_sums<const N: usize>(
+    values: &[[f64; N]],
+    [width, height]: [usize; 2],
+    size: usize,
+    of: impl Fn(f64) -> f64 + Sync,
+) -> Vec<[f64; N]> {
+    let along = |values: &[[f64; N]], step: usize, length: usize| {
+        let sum = |index: usize| {
+            let center = index / step % length;
+            let mut sums = [0.0; N];
+            for other in (center + 1).saturating_sub(size)..(center + size).min(length) {
+                let weight = of(1.0 - center.abs_diff(other) as f64 / size as f64);
+                let values = &values[index + other * step - center * step];
+                sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+            }
+            sums
+        };
+        (0..values.len()).into_par_iter().map(sum).collect::<Vec<_>>()
+    };
+    let rows = along(values, 1, width);
+    along(&rows, width, height)
+}
+
 /// Means over all cells at most `radius` rows and columns away from each.
 pub(super) fn box_means(values: &[f64], width: usize, height: usize, radius: usize) -> Vec<f64> {
     let along = |values: &[f64], step: usize, length: usize, lines: usize| {
@@ -70,5 +95,34 @@ mod tests {
             let expected = own.iter().sum::<f64>() / own.len() as f64;
             assert!((mean - expected).abs() < 1e-12, "{index}");
         }
+    }
+
+    #[test]
+    fn weights_of_tents_fall_to_zero_at_their_size() {
+        let mut point = vec![[0.0]; 49];
+        point[24] = [1.0];
+        let sums = tent_sums(&point, [7, 7], 2, |weight| weight * weight);
+        let at = |column: usize, row: usize| sums[row * 7 + column][0];
+        assert_eq!(
+            [at(3, 3), at(4, 3), at(3, 2), at(4, 4), at(5, 3)],
+            [1.0, 0.25, 0.25, 0.0625, 0.0]
+        );
+    }
+
+    #[test]
+    fn smoothing_keeps_constants_and_sums() {
+        let constant = smooth(&[[2.0, 3.0]; 70], 10, 7);
+        assert!(
+            constant
+                .iter()
+                .flatten()
+                .zip([2.0, 3.0].iter().cycle())
+                .all(|(a, b)| (a - b).abs() < 1e-12)
+        );
+        let mut point = vec![[0.0]; 441];
+        point[220] = [1.0];
+        let around = smooth(&point, 21, 21);
+        assert!((around.iter().flatten().sum::<f64>() - 1.0).abs() < 1e-12);
+        assert_eq!(around.iter().filter(|[x]| *x > 0.0).count(), 81);
     }
 }
