@@ -66,7 +66,7 @@ fn records(pass: &CameraPass) -> Vec<SuffixRecord> {
 
 /// Looks up all records. Returns how many are found.
 fn find_all(cache: &SuffixCache, records: &[SuffixRecord]) -> usize {
-    let find = |own: &&SuffixRecord| cache.find(own.position, own.normal, own.distance).is_some();
+    let find = |own: &&SuffixRecord| cache.find(own.at, own.distance).is_some();
     records.iter().filter(find).count()
 }
 
@@ -90,7 +90,7 @@ fn cache(criterion: &mut Criterion) {
     let mut ended = vec![false; settings.pixels() * settings.camera_paths as usize];
     let mut first = records.clone();
     first.retain(|own| {
-        let is_found = cache.find(own.position, own.normal, own.distance).is_some();
+        let is_found = cache.find(own.at, own.distance).is_some();
         let ended = &mut ended[own.path as usize];
         let is_first = is_found && !*ended;
         *ended |= is_found;

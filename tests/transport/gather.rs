@@ -36,6 +36,22 @@ fn box_of(bsdf: Bsdf) -> Arc<Scene> {
     scene(meshes, vec![own, gray(0.7, 0.0), gray(0.0, 4.0)], vec![], camera)
 }
 
+/// A box that a thin body of cloth divides, the lamp above it and the camera below. The inside of
+/// its lower face and the outside of its upper one have the same place and normal.
+fn divided_box() -> Arc<Scene> {
+    let mut meshes = Vec::new();
+    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+        meshes.extend([axis, -axis].map(|side| square(side, -side, 1.0, 0)));
+    }
+    meshes.push(square(Vec3::new(0.0, 0.0, 0.95), -Vec3::Z, 0.3, 1));
+    for (height, normal) in [(0.5, -Vec3::Z), (0.501, Vec3::Z)] {
+        meshes.push(square(Vec3::new(0.0, 0.0, height), normal, 1.0, 2));
+    }
+    let cloth = Material { opacity: Some(0.5), ..gray(0.95, 0.0) };
+    let camera = camera(Vec3::new(-0.9, -0.85, 0.2), Vec3::new(0.3, 0.2, -0.5), 80.0);
+    scene(meshes, vec![gray(0.6, 0.0), gray(0.0, 40.0), cloth], vec![], camera)
+}
+
 /// A coat of this width over a colored base.
 fn coat(alpha: f32) -> Bsdf {
     let facets = Facets { model: FacetModel::Ggx, alpha };
@@ -68,7 +84,8 @@ fn scenes() -> Vec<(&'static str, Arc<Scene>)> {
         ("sheets that transmit", Bsdf::DiffuseTransmission(sheet)),
     ];
     let walls = walls.map(|(name, bsdf)| (name, box_of(bsdf)));
-    [("diffuse walls", furnished_box())].into_iter().chain(walls).collect()
+    let diffuse = [("diffuse walls", furnished_box()), ("thin bodies", divided_box())];
+    diffuse.into_iter().chain(walls).collect()
 }
 
 /// Cells of this size change the mean by less than 2 %: records and look-ups of all kinds of

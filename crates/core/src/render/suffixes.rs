@@ -199,8 +199,8 @@ impl CacheBias {
             if *is_over {
                 continue;
             }
-            let SuffixRecord { position, normal, distance, carried, light, prob, path, .. } = *own;
-            let Some(found) = cache.find(position, normal, distance) else { continue };
+            let SuffixRecord { at, distance, carried, light, prob, path, .. } = *own;
+            let Some(found) = cache.find(at, distance) else { continue };
             *is_over = true;
             let more = (carried * found.halves[1 - own.half()] - light) / prob;
             if more.is_finite() {

@@ -105,7 +105,7 @@ impl CoatedVertices {
     /// The arguments of the BSDF. See [`Surface::vertex`](super::Surface::vertex).
     pub fn vertex(&self, lane: usize) -> Vertex {
         let normal = self.shading_normal.get(lane);
-        let front = self.side[lane] & 1 == 0;
+        let front = self.facet(lane).is_front();
         Vertex { normal, wo: self.bsdf.wo().get(lane), front, tangent: None }
     }
 

@@ -22,6 +22,12 @@ impl TriangleSide {
         Self { mesh, side: triangle << 1 | u32::from(!front) }
     }
 
+    /// Whether it is the front.
+    #[inline(always)] // part of a vector loop
+    pub fn is_front(self) -> bool {
+        self.side & 1 == 0
+    }
+
     /// The other side of the same triangle.
     #[must_use]
     pub fn opposite(self) -> Self {

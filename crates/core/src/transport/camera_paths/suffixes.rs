@@ -11,8 +11,9 @@ use crate::scene::diffuse::DiffuseVertices;
 use crate::simd::{LANES, Mask};
 use crate::transport::merge::{Merge, MergeOutput};
 use crate::transport::path_state::{History, PathStates};
-use crate::transport::suffix_cache::{CellLight, MergedLight, SuffixCache, SuffixRecord};
-use glam::Vec3;
+use crate::transport::suffix_cache::{
+    CellLight, CellPoint, MergedLight, SuffixCache, SuffixRecord,
+};
 
 /// Light of a camera path from a cache, W/(m^2 sr).
 #[derive(Clone, Copy, Debug, Default)]
@@ -25,8 +26,7 @@ pub struct CachedLight {
 
 /// A diffuse lobe at a vertex.
 struct Lobe {
-    position: Vec3,
-    normal: Vec3,
+    at: CellPoint,
     /// Throughput times albedo.
     carried: Rgb,
     /// Length of the segment to the vertex, scene units.
@@ -49,8 +49,9 @@ impl CameraPass<'_> {
         if !surface.bsdf.merges() || !self.is_suffix(state.history) {
             return None;
         }
-        let normal = surface.vertex(Transport::Radiance).normal;
-        cache.find(surface.position, normal, *distance).copied()
+        let Vertex { normal, front, .. } = surface.vertex(Transport::Radiance);
+        let at = CellPoint { position: surface.position, normal, front };
+        cache.find(at, *distance).copied()
     }
 }
 
@@ -80,11 +81,11 @@ impl CameraPaths {
             if !at.active[lane] || !pass.is_suffix(states.history[lane]) {
                 continue;
             }
+            let (position, normal) = (at.position.get(lane), at.normal.get(lane));
             let lobe = Lobe {
-                position: at.position.get(lane),
-                normal: at.normal.get(lane),
+                at: CellPoint { position, normal, front: at.front[lane] },
                 carried: states.weight.get(lane) * at.albedo.get(lane),
-                distance: (at.position.get(lane) - states.origin.get(lane)).length(),
+                distance: (position - states.origin.get(lane)).length(),
             };
             if let Some(cache) = pass.cache {
                 at.active[lane] = !self.look_up(cache, &lobe, states, lane);
@@ -102,8 +103,8 @@ impl CameraPaths {
         states: &PathStates,
         lane: usize,
     ) -> bool {
-        let Lobe { position, normal, carried, distance } = *lobe;
-        let Some(light) = cache.find(position, normal, distance) else { return false };
+        let Lobe { at, carried, distance } = *lobe;
+        let Some(light) = cache.find(at, distance) else { return false };
         self.add_cached(states.path[lane], carried, light);
         true
     }
@@ -138,8 +139,7 @@ impl CameraPaths {
         if self.suffixes.is_some() && pass.is_suffix(state.history) {
             let prob = 1.0 - surface.bsdf.pass_prob(at);
             let lobe = Lobe {
-                position: surface.position,
-                normal: at.normal,
+                at: CellPoint { position: surface.position, normal: at.normal, front: at.front },
                 carried: carried * prob,
                 distance: *distance,
             };
@@ -152,18 +152,9 @@ impl CameraPaths {
     #[inline]
     fn record(&mut self, lobe: &Lobe, path: u32, prob: f32) {
         let Some(recorder) = &mut self.suffixes else { return };
-        let Lobe { position, normal, carried, distance } = *lobe;
+        let Lobe { at, carried, distance } = *lobe;
         let light = self.direct[path as usize];
-        recorder.push(SuffixRecord {
-            position,
-            normal,
-            carried,
-            light,
-            prob,
-            distance,
-            path,
-            wave: 0,
-        });
+        recorder.push(SuffixRecord { at, carried, light, prob, distance, path, wave: 0 });
     }
 
     /// The lobe of a diffuse base. Coats so rough that they count as diffuse have none: what they
@@ -178,11 +169,11 @@ impl CameraPaths {
         if !at.active[lane] || !pass.is_suffix(states.history[lane]) {
             return None;
         }
+        let (position, normal) = (at.position.get(lane), at.shading_normal.get(lane));
         Some(Lobe {
-            position: at.position.get(lane),
-            normal: at.shading_normal.get(lane),
+            at: CellPoint { position, normal, front: at.facet(lane).is_front() },
             carried: states.weight.get(lane) * at.bsdf.base_albedo(lane)?,
-            distance: (at.position.get(lane) - states.origin.get(lane)).length(),
+            distance: (position - states.origin.get(lane)).length(),
         })
     }
 

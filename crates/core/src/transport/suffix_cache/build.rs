@@ -21,7 +21,7 @@ pub struct Level {
 pub fn levels(records: &[SuffixRecord], grid: &Grid) -> [Level; LEVELS] {
     let is_usable = |own: &SuffixRecord| own.light.is_finite() && own.carried.is_finite();
     let key = |(index, own): (usize, &SuffixRecord)| {
-        let key = grid.key(own.position, own.normal).at_level(0);
+        let key = grid.key(own.at).at_level(0);
         (if is_usable(own) { key } else { EMPTY }, index as u32)
     };
     let mut sorted: Vec<(u64, u32)> = records.par_iter().enumerate().map(key).collect();

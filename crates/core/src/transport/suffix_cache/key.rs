@@ -1,5 +1,5 @@
-//! Keys of cells: a position on a grid and a class of normals in one word. The keys of the cells in
-//! a larger cell have the key of the larger one as their prefix.
+//! Keys of cells: a position on a grid, a class of normals and a side of the surface in one word.
+//! The keys of the cells in a larger cell have the key of the larger one as their prefix.
 
 use glam::{UVec3, Vec3};
 
@@ -13,20 +13,33 @@ const MOST: f32 = ((1 << BITS) - 1) as f32;
 /// along the axes are in the middle of a class.
 const CLASSES: u32 = 3;
 
+/// A vertex, as cells tell it from others.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CellPoint {
+    /// Where it is.
+    pub position: Vec3,
+    /// Unit shading normal on the side that is seen.
+    pub normal: Vec3,
+    /// Whether the front of the surface is seen. The inside of a thin body lies next to the outside
+    /// of its other face, with the same normal, and light does not come from one to the other.
+    pub front: bool,
+}
+
 /// Key of the smallest cell around a position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct CellKey(u64);
 
 impl CellKey {
-    /// The key of a position in widths of the smallest cells, at a surface with this unit normal.
-    /// Positions outside of the grid belong to its border.
+    /// The key of a vertex, its position in widths of the smallest cells. Positions outside of the
+    /// grid belong to its border.
     #[inline]
-    pub fn new(position: Vec3, normal: Vec3) -> Self {
+    pub fn new(CellPoint { position, normal, front }: CellPoint) -> Self {
         // Casts of floating-point numbers saturate, and NaN becomes 0.
         let at = position.clamp(Vec3::ZERO, Vec3::splat(MOST)).as_uvec3();
         let UVec3 { x, y, z } = at;
         let place = spread(x) | spread(y) << 1 | spread(z) << 2;
-        Self(u64::from(class(normal)) << (3 * BITS) | place)
+        let surface = class(normal) << 1 | u32::from(front);
+        Self(u64::from(surface) << (3 * BITS) | place)
     }
 
     /// Key of the cell of this level around it.
@@ -72,13 +85,16 @@ mod tests {
 
     #[test]
     fn larger_cells_hold_the_smaller_ones() {
-        let key = |x: f32, y: f32, z: f32| CellKey::new(Vec3::new(x, y, z), Vec3::Y);
+        let point = |position: Vec3, front| CellPoint { position, normal: Vec3::Y, front };
+        let key = |x: f32, y: f32, z: f32| CellKey::new(point(Vec3::new(x, y, z), true));
         let own = key(8.5, 3.0, 21.0);
         assert_eq!(own, key(8.0, 3.9, 21.7));
         assert_ne!(own, key(9.0, 3.0, 21.0));
         assert_eq!(own.at_level(1), key(9.9, 2.0, 20.0).at_level(1));
         assert_ne!(own.at_level(1), key(10.0, 3.0, 21.0).at_level(1));
         assert_eq!(own.at_level(2), key(11.0, 0.0, 20.0).at_level(2));
+        let behind = CellKey::new(point(Vec3::new(8.5, 3.0, 21.0), false));
+        assert!((0..4).all(|level| own.at_level(level) != behind.at_level(level)));
         let far = 2.0 * MOST;
         assert_eq!(key(-1.0, far, 0.0), key(0.0, MOST, f32::NAN));
     }

@@ -12,6 +12,8 @@ use build::Level;
 use glam::Vec3;
 use key::CellKey;
 
+pub use key::CellPoint;
+
 /// Sizes of cells; each is twice the one before.
 pub const LEVELS: usize = 4;
 
@@ -53,8 +55,8 @@ impl Grid {
         Self { origin: bounds.min - offset, width }
     }
 
-    fn key(&self, position: Vec3, normal: Vec3) -> CellKey {
-        CellKey::new((position - self.origin) / self.width, normal)
+    fn key(&self, at: CellPoint) -> CellKey {
+        CellKey::new(CellPoint { position: (at.position - self.origin) / self.width, ..at })
     }
 }
 
@@ -66,15 +68,15 @@ impl SuffixCache {
         Self { grid, levels: build::levels(records, &grid) }
     }
 
-    /// The light at a vertex with this unit shading normal on the side that is seen, whose path
-    /// came over this distance. `None` if too little is known there, or if the path is so short
-    /// that it would read the light of the cell that it comes from.
+    /// The light at a vertex whose path came over this distance. `None` if too little is known
+    /// there, or if the path is so short that it would read the light of the cell that it comes
+    /// from.
     #[inline]
-    pub fn find(&self, position: Vec3, normal: Vec3, distance: f32) -> Option<&CellLight> {
+    pub fn find(&self, at: CellPoint, distance: f32) -> Option<&CellLight> {
         if distance < self.grid.width {
             return None;
         }
-        let key = self.grid.key(position, normal);
+        let key = self.grid.key(at);
         let mut levels = self.levels.iter().enumerate();
         levels.find_map(|(number, level)| level.find(key.at_level(number)))
     }
@@ -85,6 +87,10 @@ mod tests {
     use super::*;
     use crate::base::rng::{Stream, StreamKey};
 
+    fn on_floor(position: Vec3) -> CellPoint {
+        CellPoint { position, normal: Vec3::Z, front: true }
+    }
+
     fn records(count: u32, seed: u64) -> Vec<SuffixRecord> {
         let mut rng = StreamKey::new(seed, Stream::Test, 0).rng(0);
         (0..count)
@@ -93,8 +99,7 @@ mod tests {
                 let carried = Rgb::new(0.5 + rng.next_1d(), 0.2 + rng.next_1d(), 0.0);
                 let light = Rgb::new(1.0 + x, 2.0 * y, 1.0);
                 SuffixRecord {
-                    position: Vec3::new(x, y, 0.0),
-                    normal: Vec3::Z,
+                    at: on_floor(Vec3::new(x, y, 0.0)),
                     carried,
                     light: carried * light,
                     prob: 1.0,
@@ -118,11 +123,9 @@ mod tests {
         let cache = cache(&records, 1.0 / 40.0);
         let grid = cache.grid;
         for at in [Vec3::new(0.31, 0.72, 0.0), Vec3::new(0.99, 0.01, 0.0)] {
-            let key = grid.key(at, Vec3::Z).at_level(0);
-            let own: Vec<_> = records
-                .iter()
-                .filter(|own| grid.key(own.position, Vec3::Z).at_level(0) == key)
-                .collect();
+            let key = grid.key(on_floor(at)).at_level(0);
+            let own: Vec<_> =
+                records.iter().filter(|own| grid.key(own.at).at_level(0) == key).collect();
             assert!(own.len() >= LEAST_RECORDS as usize);
             let mean = |own: &[&SuffixRecord]| {
                 let light: Rgb = own.iter().map(|own| own.light).sum();
@@ -130,7 +133,7 @@ mod tests {
                 // No path carries light of the last channel.
                 Rgb::new(light.x / carried.x, light.y / carried.y, 0.0)
             };
-            let found = cache.find(at, Vec3::Z, 1.0).unwrap();
+            let found = cache.find(on_floor(at), 1.0).unwrap();
             assert!((found.mean - mean(&own)).abs().max_element() < 1e-4, "{found:?}");
             for (half, found) in found.halves.iter().enumerate() {
                 let own: Vec<_> =
@@ -146,11 +149,13 @@ mod tests {
         let records = records(1250, 2);
         let cache = cache(&records, 0.01);
         let at = Vec3::new(0.5, 0.5, 0.0);
-        assert!(cache.find(at, Vec3::Z, 1.0).is_some());
-        assert!(cache.find(at, Vec3::Z, 0.03).is_none());
-        // Another side, and no record at all.
-        assert!(cache.find(at, -Vec3::Z, 1.0).is_none());
-        assert!(cache.find(Vec3::new(0.5, 0.5, 5.0), Vec3::Z, 1.0).is_none());
+        let own = on_floor(at);
+        assert!(cache.find(own, 1.0).is_some());
+        assert!(cache.find(own, 0.03).is_none());
+        // Another direction, the back, and no record at all.
+        assert!(cache.find(CellPoint { normal: -Vec3::Z, ..own }, 1.0).is_none());
+        assert!(cache.find(CellPoint { front: false, ..own }, 1.0).is_none());
+        assert!(cache.find(on_floor(Vec3::new(0.5, 0.5, 5.0)), 1.0).is_none());
     }
 
     #[test]
@@ -165,7 +170,7 @@ mod tests {
         for _ in 0..500 {
             let [x, y] = rng.next_2d();
             let at = Vec3::new(x, y, 0.0);
-            assert_eq!(one.find(at, Vec3::Z, 1.0), four.find(at, Vec3::Z, 1.0));
+            assert_eq!(one.find(on_floor(at), 1.0), four.find(on_floor(at), 1.0));
         }
     }
 }

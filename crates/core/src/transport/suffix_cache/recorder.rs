@@ -1,16 +1,14 @@
 //! Records of suffixes: what full camera paths contribute from a diffuse vertex on.
 
+use super::CellPoint;
 use crate::base::math::Rgb;
-use glam::Vec3;
 use std::cmp::Ordering;
 
 /// The suffix of a camera path from one of its diffuse vertices on.
 #[derive(Clone, Copy, Debug)]
 pub struct SuffixRecord {
     /// The vertex.
-    pub position: Vec3,
-    /// Its unit shading normal, on the side that is seen.
-    pub normal: Vec3,
+    pub at: CellPoint,
     /// Throughput of the path up to the vertex times the albedo of the diffuse lobe.
     pub carried: Rgb,
     /// Contribution of the lobe to the path, W/(m^2 sr): light connected at the vertex, and light
@@ -132,8 +130,7 @@ mod tests {
         let mut recorder = SuffixRecorder::default();
         recorder.start(1);
         let at = |light: f32| SuffixRecord {
-            position: Vec3::ZERO,
-            normal: Vec3::Z,
+            at: CellPoint::default(),
             carried: Rgb::ONE,
             light: Rgb::splat(light),
             prob: 0.5,
