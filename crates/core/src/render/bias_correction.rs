@@ -7,7 +7,7 @@
 
 use super::annulus_moments::{FoldEstimate, FoldWeight, WeightedBlocks};
 use super::block::Block;
-use super::coarse_bias::{CoarseBias, coarse_bias};
+use super::coarse_bias::coarse_bias;
 use super::smoothing::{box_means, smooth};
 use super::suffixes::square_side;
 use crate::base::math::Rgb;
@@ -62,9 +62,9 @@ pub struct BiasCorrection {
 }
 
 impl BiasCorrection {
-    /// Memory per cell of the correction and of its intermediate results.
+    /// Memory per cell of the correction and of its intermediate results. The bias of large parts of
+    /// the image is kept before the arrays of [`Self::add`], and takes less.
     pub const BYTES: usize = size_of::<[FoldEstimate; FOLDS]>()
-        + size_of::<CoarseBias>()
         + 3 * size_of::<[f64; 2 * FOLDS]>()
         + 2 * size_of::<Rgb>()
         + size_of::<[f64; FOLDS]>()
