@@ -62,8 +62,8 @@ pub struct BiasCorrection {
 }
 
 impl BiasCorrection {
-    /// Memory per cell of the correction and of its intermediate results. The bias of large parts of
-    /// the image is kept before the arrays of [`Self::add`], and takes less.
+    /// Memory per cell of the correction and of its intermediate results. What is known of large
+    /// parts of the image takes less, and is gone before.
     pub const BYTES: usize = size_of::<[FoldEstimate; FOLDS]>()
         + 3 * size_of::<[f64; 2 * FOLDS]>()
         + 2 * size_of::<Rgb>()
