@@ -62,8 +62,8 @@ pub struct BiasCorrection {
 }
 
 impl BiasCorrection {
-    /// Memory per cell of the correction and of its intermediate results. What is known of large
-    /// parts of the image takes less, and is gone before.
+    /// Memory per cell of the correction and of its intermediate results. The bias in large parts
+    /// of the image takes less, and is gone before.
     pub const BYTES: usize = size_of::<[FoldEstimate; FOLDS]>()
         + 3 * size_of::<[f64; 2 * FOLDS]>()
         + 2 * size_of::<Rgb>()
@@ -135,8 +135,8 @@ impl BiasCorrection {
         }
     }
 
-    /// Adds what the cache adds to large parts of the image by folds that know it, and takes it
-    /// from the estimates.
+    /// Adds the bias of a cache in large parts of the image, and takes it from the estimates. Folds
+    /// that do not know their noise subtract nothing.
     fn add_coarse(
         &mut self,
         blocks: &WeightedBlocks,
@@ -144,6 +144,9 @@ impl BiasCorrection {
         knows: [bool; FOLDS],
         luminance: &[f64],
     ) {
+        if !knows.contains(&true) {
+            return;
+        }
         let grid = CellGrid::of(blocks.blocks[0].film.resolution());
         let side = largest_square(blocks.blocks).div_ceil(grid.side());
         let size = (grid.size(), side);

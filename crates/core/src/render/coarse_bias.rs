@@ -1,9 +1,9 @@
-//! What a cache adds to large parts of the image: theory.md (44l).
+//! Bias of a cache in large parts of the image: theory.md (44l).
 //!
 //! A tenth of the light of a dark corner is below the noise of each of its squares of pixels, and
-//! far above the noise of all of them together. So windows of the image, the largest first, tell
-//! what is the same in the whole window. What is left there is told by smaller windows, and by the
-//! squares themselves after that.
+//! far above the noise of all of them together. So windows of the image, the largest first,
+//! estimate what is the same in the whole window. Smaller windows estimate what is left there, and
+//! after them the squares themselves.
 
 use super::annulus_moments::{FoldEstimate, FoldWeight};
 use super::bias_correction::{CACHE_EXCESS, LARGE_BIAS2, SQUARES_AROUND, shrinkage};
@@ -19,11 +19,15 @@ use rayon::prelude::*;
 /// as large as the one before.
 const SMALLEST_WINDOW: usize = 2;
 
+/// Most squares across or down. Larger images have larger squares: sums over windows take a time in
+/// proportion to the number of squares times the size of the window.
+const MOST_SQUARES: u32 = 256;
+
 /// Variance of a square over the mean variance of its pixels, which are linear between the centers
 /// of squares: in each direction, the mean of `u^2 + (1 - u)^2` is 2/3.
 const SQUARE_VARIANCE: f64 = 9.0 / 4.0;
 
-/// What a cache adds to a part of the image, by the iterations of each fold.
+/// Bias of a cache in a part of the image, by the iterations of each fold.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct CoarseBias {
     /// Radiance, W/(m^2 sr).
@@ -42,7 +46,7 @@ struct Square {
     more: [DVec3; FOLDS],
     /// Variance of the luminance of `more`.
     variance: [f64; FOLDS],
-    /// The same from the noise of the squares around, for where the bias seems to be large.
+    /// `variance` from the noise of the squares around, for where the bias seems to be large.
     around: [f64; FOLDS],
 }
 
@@ -54,15 +58,18 @@ type WindowSums = [f64; 2 + 3 * FOLDS];
 type WindowVariances = [f64; 2 * FOLDS];
 
 /// The bias in windows of several sizes, of each cell of an image of this size in row order. `side`
-/// is that of the squares in cells, `luminance` that of each cell. The bias of one fold
-/// is subtracted by the share (71d) that the other fold tells, if that fold `knows` its noise.
+/// is that of the squares in cells, `luminance` that of each cell. The other fold
+/// gives the share (71d) of the bias of a fold that is subtracted, if it `knows` its noise.
 pub(super) fn coarse_bias(
     estimates: &[[FoldEstimate; FOLDS]],
     (size, side): ((u32, u32), u32),
     luminance: &[f64],
     (folds, knows): (&[FoldWeight; FOLDS], [bool; FOLDS]),
 ) -> Vec<CoarseBias> {
-    let grid = CellGrid::with_side(size, side.next_power_of_two());
+    let mut grid = CellGrid::with_side(size, side.next_power_of_two());
+    while grid.size().0.max(grid.size().1) > MOST_SQUARES {
+        grid = CellGrid::with_side(size, 2 * grid.side());
+    }
     let shrinking = (f64::from(side) / f64::from(grid.side())).powi(2);
     let squares = squares_of(estimates, (size, grid), luminance, folds);
     let [across, down] = <[u32; 2]>::from(grid.size()).map(|count| count as usize);
@@ -133,7 +140,7 @@ fn squares_of(
 }
 
 impl Square {
-    /// Its sums without what larger windows have told, and their variances.
+    /// Its sums without the bias that larger windows have found, and their variances.
     fn without(&self, coarse: &CoarseBias) -> (WindowSums, WindowVariances) {
         let left = |fold: usize| self.more[fold] - self.weight * coarse.mean[fold].as_dvec3();
         let [one, other] = [left(0), left(1)];
@@ -157,7 +164,7 @@ fn mixed(parts: &[(CoarseBias, f32); 4]) -> CoarseBias {
 }
 
 impl CoarseBias {
-    /// Adds what a window tells beyond larger ones.
+    /// Adds what a window finds beyond larger ones.
     fn add_window(&mut self, sums: &WindowSums, variances: WindowVariances, knows: [bool; FOLDS]) {
         let [cells, weight, ax, ay, az, bx, by, bz] = *sums;
         let means = [DVec3::new(ax, ay, az), DVec3::new(bx, by, bz)].map(|own| own / weight);
@@ -182,13 +189,13 @@ impl CoarseBias {
         }
     }
 
-    /// Takes this bias from the estimates of a cell: what is left for its own square to tell.
+    /// Takes this bias from the estimates of a cell.
     pub fn subtract_from(&self, estimates: &mut [FoldEstimate; FOLDS], folds: &[FoldWeight; 2]) {
         let own = self.mean.map(|mean| luminance(mean.as_dvec3()));
         for fold in 0..FOLDS {
             let (estimate, first) = (&mut estimates[fold], folds[fold].first);
             let mean = luminance(estimate.sum.as_dvec3()) / first;
-            // The square of the difference, without the noise of any of its terms
+            // The square of the difference, without the noise of any of its terms.
             estimate.bias2 += own[0] * own[1] - 2.0 * mean * own[1 - fold];
             estimate.sum -= self.mean[fold] * first as f32;
         }
@@ -252,7 +259,7 @@ mod tests {
 
     #[test]
     fn bias_of_a_quarter_is_found_below_the_noise_of_its_squares() {
-        // Of what is left at the least: the step itself, which windows blur
+        // Windows blur the step: a tenth of the squared bias may be left without any noise.
         let exact = coarse_of(&estimates(in_a_quarter, 0.0, 0), [true; FOLDS]);
         let square = |coarse: &[CoarseBias]| {
             let left = coarse.iter().enumerate().map(|(index, own)| {
@@ -262,7 +269,7 @@ mod tests {
             left.sum::<f64>() / CELLS as f64
         };
         assert!(square(&exact) < 0.1 * 0.01 / 4.0, "{}", square(&exact));
-        // The noise of a square is the bias itself
+        // The noise of a square is as large as the bias.
         let of_seed = |seed| square(&coarse_of(&estimates(in_a_quarter, 0.1, seed), [true; FOLDS]));
         let squares: Vec<f64> = (1..20).map(of_seed).collect();
         let (mean, error) = mean_and_error(&squares);
@@ -310,7 +317,7 @@ mod tests {
     #[test]
     fn folds_that_do_not_know_their_noise_subtract_nothing() {
         let coarse = coarse_of(&estimates(in_a_quarter, 0.01, 3), [true, false]);
-        // The first fold is subtracted by the share that the second one tells.
+        // The second fold gives the share of the first that is subtracted.
         assert!(coarse.iter().all(|own| own.mean[0] == Rgb::ZERO));
         assert!(coarse.iter().any(|own| own.mean[1] != Rgb::ZERO));
     }
