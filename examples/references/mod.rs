@@ -214,7 +214,9 @@ impl Reference {
         let mean: Vec<f64> = pairs().map(|(a, b)| 0.5 * (a + b)).collect();
         let variance: Vec<f64> = pairs().map(|(a, b)| 0.25 * (a - b).powi(2)).collect();
         let Settings { width, height, .. } = subject.settings;
-        let weights = luminance_weights(&without_noise(&mean, &variance, (width, height)));
+        let each: Vec<[f64; 2]> = pairs().map(|(a, b)| [*a, *b]).collect();
+        let clean = without_noise(&mean, &variance, Some(&each), (width, height));
+        let weights = luminance_weights(&clean);
         Ok(Self { halves, weights })
     }
 

@@ -130,7 +130,7 @@ impl LightImages {
         let mut clean = luminances(&radiance);
         if let Some(noise) = &noise {
             let single: Vec<f64> = noise.iter().map(|[own]| *own).collect();
-            clean = without_noise(&clean, &single, self.size);
+            clean = without_noise(&clean, &single, None, self.size);
         }
         let error = MixtureError::new(&shining, &luminance_weights(&clean));
         let (width, height) = self.size;

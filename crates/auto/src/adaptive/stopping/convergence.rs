@@ -73,7 +73,7 @@ fn noise_spread(
 /// Variance of each cell of an image of one iteration, by what that iteration has measured; `None`
 /// for other images. Its pairs of paths tell the variance before a second iteration does. theory.md
 /// (2)
-fn by_law(blocks: &[Block]) -> Option<Vec<f64>> {
+pub(super) fn by_law(blocks: &[Block]) -> Option<Vec<f64>> {
     let [Block { film, counts, .. }] = blocks else { return None };
     if film.iterations != 1 {
         return None;
