@@ -5,9 +5,6 @@
 //! modules. Nothing here knows formats of scene files, decides how long to render, or prints.
 
 // In the order of the stages: no module names one that comes after it.
-pub mod base;
-#[doc(hidden)] // public for tests and benches
-pub mod simd;
 pub mod image_io;
 pub mod settings;
 pub mod scene;
@@ -17,9 +14,13 @@ pub mod transport;
 pub mod noise;
 pub mod render;
 
-pub use base::error::{Error, Result};
 #[doc(inline)]
 pub use bdpm_accel as accel;
+#[doc(inline)]
+pub use bdpm_base as base;
+#[doc(hidden)] // public for tests and benches
+pub use bdpm_base::simd;
+pub use bdpm_base::{Error, Result};
 /// Vectors and transforms of the interface, in the version that this crate uses.
 pub use glam;
 pub use render::Renderer;

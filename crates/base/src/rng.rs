@@ -57,6 +57,7 @@ pub struct StreamKey(u64);
 
 impl StreamKey {
     /// The key of `(seed, stream, iteration)`.
+    #[inline]
     pub fn new(seed: u64, stream: Stream, iteration: u64) -> Self {
         let key = mix(seed.wrapping_add(GOLDEN));
         let key = mix(key ^ (stream as u64).wrapping_mul(GOLDEN));
@@ -82,7 +83,7 @@ pub struct Rng(pub(crate) [u32; 4]);
 impl Rng {
     /// 32 random bits.
     #[inline(always)] // like those below: parts of vector loops
-    pub(crate) fn next_u32(&mut self) -> u32 {
+    pub fn next_u32(&mut self) -> u32 {
         let [a, b, c, d] = self.0;
         let bits = a.wrapping_add(d).rotate_left(7).wrapping_add(a);
         let (c, d) = (c ^ a, d ^ b);
@@ -150,14 +151,14 @@ impl Draw for Rng {
 
 /// A number in [0, 1) of 32 random bits, a multiple of 2^-24.
 #[inline(always)]
-pub(crate) fn unit_f32(bits: u32) -> f32 {
+pub fn unit_f32(bits: u32) -> f32 {
     // Convert from `i32`, which has vector instructions.
     (bits >> 8) as i32 as f32 * (1.0 / (1 << 24) as f32)
 }
 
 /// A number in [0, 1) of 64 random bits, a multiple of 2^-53.
 #[inline(always)]
-pub(crate) fn unit_f64([low, high]: [u32; 2]) -> f64 {
+pub fn unit_f64([low, high]: [u32; 2]) -> f64 {
     let bits = u64::from(low) | u64::from(high) << 32;
     (bits >> 11) as i64 as f64 * (1.0 / (1u64 << 53) as f64)
 }

@@ -1,8 +1,8 @@
 //! Opens input files and remembers them, so that no output replaces one.
 
-use super::error::{Error, Result};
-use super::file_id::FileId;
-use super::memory::{GIB, available_memory, check_memory};
+use crate::error::{Error, Result};
+use crate::file_id::FileId;
+use crate::memory::{GIB, available_memory, check_memory};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;

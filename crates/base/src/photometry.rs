@@ -1,7 +1,7 @@
 //! Photometric units.
 //!
 //! The renderer computes in watts. A color of linear Rec. 709 with the luminance 1
-//! ([`luminance`](super::math::luminance)) and 1 W stands for 683 lm, whatever its hue. Candela,
+//! ([`luminance`](crate::math::luminance)) and 1 W stands for 683 lm, whatever its hue. Candela,
 //! lumen, lux and cd/m^2 of files are divided by this constant, and values in photometric units are
 //! multiplied by it.
 

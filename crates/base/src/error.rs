@@ -1,6 +1,6 @@
 //! The one error type: a problem, its location in a file, and advice.
 
-use super::names::visible;
+use crate::names::visible;
 use std::fmt::{self, Write};
 use std::path::{Path, PathBuf};
 

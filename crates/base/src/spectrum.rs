@@ -5,7 +5,7 @@
 //! wavelength over `P`. White is the daylight D65: the mean of these factors over the drawn
 //! wavelengths is (1, 1, 1), because the sums below are normalized in `f64`. theory.md (47k)
 
-use super::math::{LUMINANCE, Rgb};
+use crate::math::{LUMINANCE, Rgb};
 use glam::{DMat3, DVec3};
 use std::sync::LazyLock;
 
@@ -21,6 +21,7 @@ impl Wavelength {
     const RANGE: [f64; 2] = [380.0, 780.0];
 
     /// All wavelengths, in ascending order.
+    #[inline]
     pub fn all() -> impl Iterator<Item = Self> {
         (1..=Self::COUNT as u16).map(Self)
     }
@@ -42,12 +43,14 @@ impl Wavelength {
     }
 
     /// The wavelength, nm.
+    #[inline]
     pub fn nanometers(self) -> f64 {
         let [low, high] = Self::RANGE;
         low + (high - low) * (f64::from(self.0) - 0.5) / Self::COUNT as f64
     }
 
     /// Draws a wavelength by a number in [0, 1).
+    #[inline]
     pub fn sample(u: f32) -> Self {
         let below = SPECTRUM.cumulative.partition_point(|&end| end <= f64::from(u));
         Self((below + 1).min(Self::COUNT) as u16)
@@ -61,6 +64,7 @@ impl Wavelength {
 
     /// Wavelengths whose cumulative probabilities differ from that of this one by at most half of
     /// `width`. theory.md (47l): `h = width/2`.
+    #[inline]
     pub fn neighbors(self, width: f64) -> Neighbors {
         let Spectrum { cumulative, middle, .. } = &*SPECTRUM;
         let own = usize::from(self.0) - 1;
@@ -281,8 +285,8 @@ const OBSERVER_AND_DAYLIGHT: [[f64; 4]; 81] = [
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::math::luminance;
-    use crate::base::rng::{Stream, StreamKey};
+    use crate::math::luminance;
+    use crate::rng::{Stream, StreamKey};
 
     #[test]
     fn mean_color_over_the_drawn_wavelengths_is_white() {

@@ -44,7 +44,7 @@ impl<T, F: FnOnce(Simd) -> T> pulp::WithSimd for Work<F> {
 
 /// An order of eight lanes: the kept ones first, then any others.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Reorder {
+pub struct Reorder {
     /// A bit for each lane that is kept.
     bits: usize,
 }
@@ -114,6 +114,7 @@ impl Reorder {
     }
 }
 
+#[inline]
 fn reordered(words: [u32; 8], order: [u8; 8]) -> [u32; 8] {
     order.map(|lane| words[usize::from(lane) % 8])
 }
@@ -126,7 +127,7 @@ pub(super) fn compacted(bits: u32) -> [u8; 8] {
 
 /// Calls `each` with each row of a packet of eight columns of words.
 #[inline(always)]
-pub(crate) fn for_each_row(
+pub fn for_each_row(
     simd: Simd,
     columns: &[[u32; LANES]; 8],
     mut each: impl FnMut(usize, [[u32; 4]; 2]),
@@ -144,7 +145,7 @@ pub(crate) fn for_each_row(
 
 /// Transposes eight rows of four words to four columns of eight.
 #[inline(always)]
-pub(crate) fn columns_of(simd: Simd, rows: [&[u32; 4]; 8]) -> [[u32; 8]; 4] {
+pub fn columns_of(simd: Simd, rows: [&[u32; 4]; 8]) -> [[u32; 8]; 4] {
     // Loops, not closures: these may remain calls.
     #[cfg(target_arch = "x86_64")]
     if let Simd(Some(simd)) = simd {
@@ -160,7 +161,7 @@ pub(crate) fn columns_of(simd: Simd, rows: [&[u32; 4]; 8]) -> [[u32; 8]; 4] {
 
 /// Transposes sixteen `rows` of words to one packet of columns.
 #[inline(always)]
-pub(crate) fn transpose_rows<T: Pod, P: Pod>(simd: Simd, rows: &[&T; LANES], packet: &mut P) {
+pub fn transpose_rows<T: Pod, P: Pod>(simd: Simd, rows: &[&T; LANES], packet: &mut P) {
     const { assert!(size_of::<P>() == LANES * size_of::<T>() && size_of::<T>().is_multiple_of(16)) };
     let quads = bytemuck::cast_slice_mut(std::slice::from_mut(packet));
     for (quad, columns) in quads.as_chunks_mut::<4>().0.iter_mut().enumerate() {
@@ -180,7 +181,7 @@ pub(crate) fn transpose_rows<T: Pod, P: Pod>(simd: Simd, rows: &[&T; LANES], pac
 
 /// Transposes four columns of eight words to eight rows of four.
 #[inline(always)]
-pub(crate) fn rows_of(simd: Simd, columns: [[u32; 8]; 4]) -> [[u32; 4]; 8] {
+pub fn rows_of(simd: Simd, columns: [[u32; 8]; 4]) -> [[u32; 4]; 8] {
     #[cfg(target_arch = "x86_64")]
     if let Simd(Some(simd)) = simd {
         let pairs: [[[u32; 4]; 2]; 4] = transposed(simd, columns).map(bytemuck::cast);

@@ -21,21 +21,25 @@ impl IterationSet {
     }
 
     /// Returns true if the set is empty.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
     /// Number of iterations in the set.
+    #[inline]
     pub fn count(&self) -> u64 {
         self.0.iter().map(|range| range.end - range.start).sum()
     }
 
     /// The ranges, in ascending order.
+    #[inline]
     pub fn ranges(&self) -> &[Range<u64>] {
         &self.0
     }
 
     /// Smallest iteration number.
+    #[inline]
     pub fn first(&self) -> Option<u64> {
         self.0.first().map(|range| range.start)
     }
@@ -47,6 +51,7 @@ impl IterationSet {
     }
 
     /// Adds one iteration.
+    #[inline]
     pub fn add(&mut self, number: u64) {
         match self.0.last_mut() {
             Some(last) if last.end == number => last.end += 1,

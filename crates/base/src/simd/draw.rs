@@ -1,7 +1,7 @@
 //! Sources of uniform numbers of sixteen paths: generators, alone or after numbers that are known.
 
 use super::{LANES, Rngs};
-use crate::base::rng::{Draw, Rng, unit_f32};
+use crate::rng::{Draw, Rng, unit_f32};
 
 /// A source of uniform numbers of sixteen paths.
 pub trait DrawLanes {

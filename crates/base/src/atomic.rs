@@ -1,7 +1,7 @@
 //! Files that appear complete or not at all.
 
-use super::error::{Error, Result};
-use super::file_id::{destination, folder};
+use crate::error::{Error, Result};
+use crate::file_id::{destination, folder};
 use std::fs::{File, TryLockError};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;

@@ -7,7 +7,7 @@
 //! compares the points before scrambling with the definition.
 
 use super::{LANES, Rngs};
-use crate::base::rng::Rng;
+use crate::rng::Rng;
 
 /// Numbers of a point of a set.
 pub const DIMENSIONS: usize = 5;
@@ -87,6 +87,7 @@ const fn first_points() -> [[u32; LANES]; DIMENSIONS] {
 }
 
 /// A number of the point with this index before scrambling, in reverse.
+#[inline]
 const fn reversed_sobol(dimension: usize, index: u32) -> u32 {
     let (mut word, mut bit) = (0, 0);
     while bit < MAX_BITS {
@@ -107,6 +108,7 @@ pub struct ScrambledSobol {
 
 impl ScrambledSobol {
     /// A set scrambled by the numbers of `rng`.
+    #[inline]
     pub fn new(mut rng: Rng) -> Self {
         Self { seeds: [(); DIMENSIONS].map(|()| [rng.next_u32(), rng.next_u32()]) }
     }
@@ -137,6 +139,7 @@ pub struct SobolPoint {
 
 impl SobolPoint {
     /// The points with this index, less than [`MAX_POINTS`].
+    #[inline]
     pub fn new(index: u32) -> Self {
         debug_assert!(index < MAX_POINTS);
         Self { words: std::array::from_fn(|dimension| reversed_sobol(dimension, index)) }
@@ -169,7 +172,7 @@ fn scrambled(mut bits: u32, seed: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::rng::{Stream, StreamKey};
+    use crate::rng::{Stream, StreamKey};
 
     /// All points of a set of `size`, each number as 32 bits.
     fn set(index: u64, size: u32) -> Vec<[u32; DIMENSIONS]> {

@@ -31,21 +31,25 @@ impl Bounds {
 
     /// The smallest box that also holds `point`.
     #[must_use]
+    #[inline]
     pub fn with(self, point: Vec3) -> Self {
         Self { min: self.min.min(point), max: self.max.max(point) }
     }
 
     /// Longest side, scene units: the *scene size*; 0 for an empty box.
+    #[inline]
     pub fn longest_side(&self) -> f32 {
         (self.max - self.min).max_element().max(0.0)
     }
 
     /// Midpoint of the box.
+    #[inline]
     pub fn center(&self) -> Vec3 {
         0.5 * (self.min + self.max)
     }
 
     /// Radius of a sphere around the center that holds all of the box, with room for rounding.
+    #[inline]
     pub fn enclosing_radius(&self) -> f32 {
         0.5 * (self.max - self.min).length() * (1.0 + 1e-4)
     }
@@ -69,6 +73,7 @@ impl Frame {
 
     /// The frame of a unit normal with x along `tangent`, of any length; that of [`Self::new`] if
     /// the tangent is along the normal.
+    #[inline]
     pub fn with_tangent(normal: Vec3, tangent: Vec3) -> Self {
         match tangent.reject_from_normalized(normal).try_normalize() {
             None => Self::new(normal),
@@ -218,6 +223,7 @@ pub fn uniform_disc(u: [f32; 2]) -> [f32; 2] {
 }
 
 /// [`uniform_disc`] in double precision, for discs around whole scenes.
+#[inline]
 pub fn uniform_wide_disc(u: [f64; 2]) -> [f64; 2] {
     let [x, y] = u.map(|u| 2.0 * u - 1.0);
     let (r, ratio) = if x.abs() > y.abs() { (x, y / x) } else { (y, x / y) };
@@ -237,12 +243,14 @@ pub fn uniform_triangle([u, v]: [f32; 2]) -> [f32; 2] {
 }
 
 /// Inverse of [`uniform_sphere`]: the numbers that give a unit direction.
+#[inline]
 pub fn uniform_sphere_inverse(direction: Vec3) -> [f32; 2] {
     [0.5 * (1.0 - direction.z), turns(direction.x, direction.y)]
 }
 
 /// Inverse of [`cosine_hemisphere`]: the numbers that give a unit direction around the unit normal
 /// `n`.
+#[inline]
 pub fn cosine_hemisphere_inverse(n: Vec3, direction: Vec3) -> [f32; 2] {
     let (tangent, bitangent) = n.any_orthonormal_pair();
     let [x, y] = [tangent, bitangent].map(|axis| axis.dot(direction));
@@ -250,6 +258,7 @@ pub fn cosine_hemisphere_inverse(n: Vec3, direction: Vec3) -> [f32; 2] {
 }
 
 /// Inverse of [`uniform_wide_disc`]: the numbers that give a point.
+#[inline]
 pub fn uniform_disc_inverse([x, y]: [f64; 2]) -> [f64; 2] {
     let radius = x.hypot(y);
     if radius == 0.0 {
@@ -267,12 +276,14 @@ pub fn uniform_disc_inverse([x, y]: [f64; 2]) -> [f64; 2] {
 }
 
 /// Inverse of [`uniform_triangle`]: the numbers that give barycentric weights.
+#[inline]
 pub fn uniform_triangle_inverse([b, c]: [f32; 2]) -> [f32; 2] {
     let s = b + c;
     [s * s, if s > 0.0 { c / s } else { 0.5 }]
 }
 
 /// The angle of the vector `(x, y)`, in turns of [0, 1].
+#[inline]
 pub fn turns(x: f32, y: f32) -> f32 {
     let turns = y.atan2(x) / TAU;
     if turns < 0.0 { turns + 1.0 } else { turns }
@@ -285,6 +296,7 @@ pub fn disc_area(radius: f32) -> f32 {
 }
 
 /// Volume of a ball.
+#[inline]
 pub fn ball_volume(radius: f32) -> f32 {
     4.0 / 3.0 * PI * radius.powi(3)
 }
@@ -292,7 +304,7 @@ pub fn ball_volume(radius: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::rng::{Stream, StreamKey};
+    use crate::rng::{Stream, StreamKey};
 
     const N: u64 = 400_000;
 

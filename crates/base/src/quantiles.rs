@@ -9,6 +9,7 @@ const FEW_DEGREES: [f64; 3] = [12.706, 4.303, 3.182];
 /// Quantile of Student's distribution of a two-sided probability of 95 %: of tables up to 3 degrees
 /// of freedom, else by its expansion in the reciprocal of their number (Abramowitz and Stegun 1964,
 /// 26.7.5), within 1 %. Infinite below 1 degree, or if their number is unknown.
+#[inline]
 pub fn student_95(degrees: f64) -> f64 {
     if degrees.is_nan() || degrees < 1.0 {
         return f64::INFINITY;

@@ -10,7 +10,7 @@ pub mod sobol;
 
 pub use bdpm_accel::lanes::{LANES, Mask, Vec3s};
 
-use crate::base::rng::Rng;
+use crate::rng::Rng;
 use bytemuck::{Pod, Zeroable};
 use dispatch::Reorder;
 

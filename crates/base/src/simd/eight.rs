@@ -395,7 +395,7 @@ mod avx2 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::rng::{Rng, Stream, StreamKey};
+    use crate::rng::{Rng, Stream, StreamKey};
     use crate::simd::lanes_of;
 
     /// Random operands of every operation.

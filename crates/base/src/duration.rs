@@ -1,6 +1,6 @@
 //! Times as users write them.
 
-use super::error::{Error, Result};
+use crate::error::{Error, Result};
 use std::time::Duration;
 
 const ADVICE: &str = "give a time above 0: seconds such as 30, or with units such as 2m or 1h 30m";
