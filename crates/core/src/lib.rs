@@ -5,7 +5,6 @@
 //! modules. Nothing here knows formats of scene files, decides how long to render, or prints.
 
 // In the order of the stages: no module names one that comes after it.
-pub mod image_io;
 pub mod settings;
 pub mod scene;
 pub mod film;
@@ -21,6 +20,8 @@ pub use bdpm_base as base;
 #[doc(hidden)] // public for tests and benches
 pub use bdpm_base::simd;
 pub use bdpm_base::{Error, Result};
+#[doc(inline)]
+pub use bdpm_image as image_io;
 /// Vectors and transforms of the interface, in the version that this crate uses.
 pub use glam;
 pub use render::Renderer;

@@ -1,7 +1,7 @@
 //! Tone mapping of the preview: exposure, tone curve, sRGB.
 
 use super::tone_curves::{agx, filmic};
-use crate::base::math::{Rgb, luminance};
+use bdpm_base::math::{Rgb, luminance};
 use serde::{Deserialize, Serialize};
 
 /// Curve that maps exposed radiance to a display.
@@ -33,6 +33,7 @@ impl ToneMapping {
     }
 
     /// An 8-bit sRGB pixel. Negative values and NaN are black.
+    #[inline]
     pub fn apply(&self, radiance: Rgb, exposure: f32) -> [u8; 3] {
         match self.curve {
             ToneCurve::Srgb => tone_map(radiance, exposure),
@@ -46,12 +47,14 @@ impl ToneMapping {
 }
 
 /// Radiance times exposure, with 0 in place of negative values and NaN, at most `f32::MAX`.
+#[inline]
 fn exposed(radiance: Rgb, exposure: f32) -> Rgb {
     let positive = |value: f32| if value > 0.0 { value.min(f32::MAX) } else { 0.0 };
     Rgb::from_array((radiance * exposure).to_array().map(positive))
 }
 
 /// The 8-bit code of a display value in [0, 1].
+#[inline]
 fn code(display: f32) -> u8 {
     (255.0 * display).round() as u8
 }
@@ -93,6 +96,7 @@ pub fn auto_exposure(pixels: &[Rgb]) -> f32 {
 /// An 8-bit sRGB pixel: the exposed radiance, each channel rolled off above 0.7 so that lamps
 /// approach white smoothly, through the exact piecewise sRGB transfer curve. Negative values and
 /// NaN are black.
+#[inline]
 pub fn tone_map(radiance: Rgb, exposure: f32) -> [u8; 3] {
     (radiance * exposure).to_array().map(|value| {
         let display = srgb_transfer(roll_off(value.max(0.0)));
@@ -102,12 +106,14 @@ pub fn tone_map(radiance: Rgb, exposure: f32) -> [u8; 3] {
 
 /// The identity below the shoulder, then an exponential approach to 1; value and slope are
 /// continuous.
+#[inline]
 fn roll_off(value: f32) -> f32 {
     let room = 1.0 - SHOULDER;
     if value <= SHOULDER { value } else { 1.0 - room * ((SHOULDER - value) / room).exp() }
 }
 
 /// The opto-electronic transfer of IEC 61966-2-1 on [0, 1].
+#[inline]
 fn srgb_transfer(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }

@@ -1,5 +1,8 @@
 //! Image files: EXR with layers and metadata, and a tone-mapped PNG for viewing.
 //!
+//! Here live the formats of image files, tone curves, white balance, and pictures with numbers.
+//! Nothing here knows how an image is made.
+//!
 //! Every file is written under a temporary name in its folder and renamed when it is complete. Half
 //! an image is never visible, and a failure leaves the old file unchanged.
 
@@ -31,7 +34,7 @@ pub use scale::{digits, number, quantile, tick_step};
 pub use tone::{ToneCurve, ToneMapping, auto_exposure, tone_map};
 pub use white_balance::{Adaptation, WhiteBalance};
 
-use crate::base::math::Rgb;
+use bdpm_base::math::Rgb;
 use std::collections::BTreeMap;
 use std::ops::Range;
 

@@ -1,8 +1,8 @@
 //! Header of an EXR file: what it holds, without its pixels.
 
 use super::{Metadata, Value};
-use crate::base::error::{Error, Result};
-use crate::base::input;
+use bdpm_base::error::{Error, Result};
+use bdpm_base::input;
 use exr::meta::MetaData;
 use exr::meta::attribute::SampleType;
 use exr::prelude::{AttributeValue, Text, Vec2};
@@ -173,8 +173,8 @@ fn check_magic(mut file: &File) -> std::io::Result<Result<()>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::math::Rgb;
-    use crate::image_io::{DisplayWindow, ExrFormat, Image, Layer, write_exr_as};
+    use crate::{DisplayWindow, ExrFormat, Image, Layer, write_exr_as};
+    use bdpm_base::math::Rgb;
 
     #[test]
     fn header_has_windows_layers_and_facts() {

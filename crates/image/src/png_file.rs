@@ -1,8 +1,8 @@
 //! PNG files: tone-mapped previews and plots.
 
 use super::ToneMapping;
-use crate::base::atomic::write_atomically;
-use crate::base::math::Rgb;
+use bdpm_base::atomic::write_atomically;
+use bdpm_base::math::Rgb;
 use rayon::prelude::*;
 use std::fs::File;
 use std::io::{Read, Write};
@@ -22,7 +22,7 @@ const BEGINNING: u64 = 1 << 10;
 ///
 /// # Panics
 /// If the number of pixels is not `width * height`.
-pub fn write_png(path: &Path, width: u32, height: u32, pixels: &[Rgb]) -> crate::Result<f32> {
+pub fn write_png(path: &Path, width: u32, height: u32, pixels: &[Rgb]) -> bdpm_base::Result<f32> {
     write_png_as(path, (width, height), pixels, ToneMapping::default())
 }
 
@@ -38,7 +38,7 @@ pub fn write_png_as(
     (width, height): (u32, u32),
     pixels: &[Rgb],
     mapping: ToneMapping,
-) -> crate::Result<f32> {
+) -> bdpm_base::Result<f32> {
     let exposure = mapping.exposure(pixels);
     write_png_exposed(path, (width, height), pixels, mapping, exposure)?;
     Ok(exposure)
@@ -57,7 +57,7 @@ pub fn write_png_exposed(
     pixels: &[Rgb],
     mapping: ToneMapping,
     exposure: f32,
-) -> crate::Result<()> {
+) -> bdpm_base::Result<()> {
     assert_eq!(pixels.len(), width as usize * height as usize);
     let mapped: Vec<[u8; 3]> =
         pixels.par_iter().map(|pixel| mapping.apply(*pixel, exposure)).collect();
@@ -72,7 +72,12 @@ pub fn write_png_exposed(
 ///
 /// # Panics
 /// If there are not three bytes per pixel.
-pub fn write_png_bytes(path: &Path, width: u32, height: u32, bytes: &[u8]) -> crate::Result<()> {
+pub fn write_png_bytes(
+    path: &Path,
+    width: u32,
+    height: u32,
+    bytes: &[u8],
+) -> bdpm_base::Result<()> {
     assert_eq!(bytes.len(), 3 * width as usize * height as usize);
     write_atomically(path, |to| {
         encode(to, width, height, bytes).map_err(|e| match e {
@@ -121,7 +126,7 @@ fn encode(to: impl Write, width: u32, height: u32, bytes: &[u8]) -> Result<(), p
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image_io::tone_map;
+    use crate::tone_map;
     use std::io::BufReader;
 
     #[test]

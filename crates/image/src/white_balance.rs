@@ -3,9 +3,9 @@
 
 use super::auto_exposure;
 use super::primaries::{Primaries, adaptation, converted, white};
-use crate::base::error::{Error, Result};
-use crate::base::math::Rgb;
-use crate::base::spectrum::black_body_xyz;
+use bdpm_base::error::{Error, Result};
+use bdpm_base::math::Rgb;
+use bdpm_base::spectrum::black_body_xyz;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use std::str::FromStr;
@@ -181,7 +181,7 @@ impl Adaptation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::math::luminance;
+    use bdpm_base::math::luminance;
 
     fn adapted(balance: WhiteBalance, mut pixels: Vec<Rgb>) -> Vec<Rgb> {
         let width = pixels.len() as u32;

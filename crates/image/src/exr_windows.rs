@@ -1,8 +1,8 @@
 //! Data and display windows of an EXR file: pixels that it holds, and their place in the image.
 
 use super::{Image, Layer, Primaries};
-use crate::base::error::{Error, Result};
-use crate::base::memory::{GIB, available_memory};
+use bdpm_base::error::{Error, Result};
+use bdpm_base::memory::{GIB, available_memory};
 
 /// How the pixels of a file lie in the image to show.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,7 +83,7 @@ impl ExrWindows {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image_io::Metadata;
+    use crate::Metadata;
 
     #[test]
     fn pixels_keep_their_place_in_the_display_window() {

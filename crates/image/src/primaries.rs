@@ -1,6 +1,6 @@
 //! Primaries of image files, and their conversion to those of Rec. 709.
 
-use crate::base::math::Rgb;
+use bdpm_base::math::Rgb;
 use glam::{DMat3, DVec3};
 
 /// Chromaticities `x`, `y` of the primaries and of white.
@@ -73,6 +73,7 @@ pub(super) fn adaptation(from: DVec3, to: DVec3) -> DMat3 {
 }
 
 /// A color of other primaries. Components outside of the gamut become 0.
+#[inline]
 pub fn converted(map: DMat3, color: Rgb) -> Rgb {
     // Values that are not finite are reported by the caller.
     if color.is_finite() { (map * color.as_dvec3()).as_vec3().max(Rgb::ZERO) } else { color }

@@ -1,7 +1,7 @@
 //! An 8-bit canvas for numbers and captions.
 
 use super::write_png_bytes;
-use crate::base::error::Result;
+use bdpm_base::error::Result;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 use std::path::Path;
 
@@ -28,6 +28,7 @@ impl Canvas {
     }
 
     /// Sets a pixel.
+    #[inline]
     pub fn set(&mut self, x: u32, y: u32, color: [u8; 3]) {
         if x < self.width && y < self.height {
             let index = 3 * (y as usize * self.width as usize + x as usize);

@@ -6,9 +6,9 @@ use super::exr_header::SortedHeader;
 use super::exr_summary::{PREFIX, broken, decoded, metadata_of, open};
 use super::exr_windows::ExrWindows;
 use super::{Image, Layer, Primaries, Value, converted};
-use crate::base::atomic::write_atomically;
-use crate::base::error::{Error, Result};
-use crate::base::memory::{GIB, available_memory};
+use bdpm_base::atomic::write_atomically;
+use bdpm_base::error::{Error, Result};
+use bdpm_base::memory::{GIB, available_memory};
 use exr::image::AnyChannel;
 use exr::meta::attribute::Chromaticities;
 use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
@@ -242,8 +242,8 @@ fn text(value: &str) -> Text {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::math::Rgb;
-    use crate::image_io::Metadata;
+    use crate::Metadata;
+    use bdpm_base::math::Rgb;
     use std::fs;
 
     fn image(width: u32, height: u32) -> Image {
@@ -303,7 +303,7 @@ mod tests {
 
     #[test]
     fn every_compression_is_lossless() {
-        use crate::image_io::ExrCompression::{None, Piz, Rle, Zip, Zips};
+        use crate::ExrCompression::{None, Piz, Rle, Zip, Zips};
         let folder = tempfile::tempdir().unwrap();
         let written = image(67, 33);
         for compression in [None, Rle, Zips, Zip, Piz] {

@@ -1,10 +1,11 @@
 //! Published tone curves for previews.
 
-use crate::base::math::Rgb;
+use bdpm_base::math::Rgb;
 
 /// Filmic curve of John Hable, "Filmic Tonemapping Operators" (2010), as in "Uncharted 2: HDR
 /// Lighting" (GDC 2010). Maps a linear channel to a linear display value in [0, 1]. The white point
 /// is 11.2 after a factor of 2.
+#[inline]
 pub(super) fn filmic(value: f32) -> f32 {
     const FACTOR: f32 = 2.0;
     const WHITE: f32 = 11.2;
@@ -15,6 +16,7 @@ pub(super) fn filmic(value: f32) -> f32 {
 
 /// Hable's curve with his constants: shoulder strength, linear strength and angle, toe strength,
 /// numerator and denominator.
+#[inline]
 fn hable(x: f32) -> f32 {
     let [a, b, c, d, e, f] = [0.15, 0.50, 0.10, 0.20, 0.02, 0.30];
     (x * (a * x + c * b) + d * e) / (x * (a * x + b) + d * f) - e / f
@@ -41,6 +43,7 @@ const AGX_OUTSET: [[f32; 3]; 3] = [
 /// Implementation" (2023): a matrix, logarithms over 16.5 stops, a polynomial for the curve, and
 /// the inverse matrix. Maps linear Rec. 709 to display values in [0, 1], which include the transfer
 /// function of the display.
+#[inline]
 pub(super) fn agx(color: Rgb) -> Rgb {
     let [min, max] = AGX_RANGE;
     let log = transformed(&AGX_INSET, color).to_array().map(|value| {
@@ -51,6 +54,7 @@ pub(super) fn agx(color: Rgb) -> Rgb {
 }
 
 /// Wrensch's fit of the AgX curve on [0, 1].
+#[inline]
 fn agx_curve(x: f32) -> f32 {
     // Coefficients of x^0 to x^6
     const FIT: [f32; 7] = [-0.002_32, 0.119_1, 0.429_8, -6.868, 31.96, -40.14, 15.5];
@@ -58,6 +62,7 @@ fn agx_curve(x: f32) -> f32 {
 }
 
 /// The product of a matrix, given by its columns, and a color.
+#[inline]
 fn transformed(columns: &[[f32; 3]; 3], color: Rgb) -> Rgb {
     let [r, g, b] = columns.map(Rgb::from_array);
     color.x * r + color.y * g + color.z * b
