@@ -13,11 +13,11 @@ pub mod input;
 pub mod atomic;
 pub mod duration;
 pub mod iteration_set;
+pub mod rng;
 pub mod math;
 pub mod photometry;
 pub mod pool;
 pub mod quantiles;
-pub mod rng;
 pub mod spectrum;
 #[doc(hidden)] // public for the renderer, tests and benches
 pub mod simd;
