@@ -5,12 +5,10 @@ pub mod bsdf;
 pub mod camera;
 mod alpha_mask;
 pub mod diffuse;
-pub mod dispersion;
 mod fingerprint;
 mod camera_visibility;
 pub mod casters;
 pub mod coated_hits;
-mod glasses;
 mod hit;
 mod light_source;
 pub mod lights;
@@ -34,10 +32,11 @@ pub mod transform;
 mod triangle;
 mod validate;
 
+#[doc(inline)]
+pub use crate::base::dispersion::{self, Dispersion, RefractiveIndex};
 pub use crate::settings::{Region, check_rectangles};
 pub use alpha_mask::AlphaMask;
 pub use camera::{Camera, Extent, FieldOfView, FisheyeProjection, Optics, View};
-pub use dispersion::{Dispersion, RefractiveIndex};
 pub use hit::HitScratch;
 pub use light_source::LightSource;
 pub use lights::emitter::{Directional, Emitter, Falloff, Spot};

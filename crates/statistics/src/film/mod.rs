@@ -12,6 +12,7 @@ pub mod light_components;
 mod phase_times;
 pub mod radiance;
 pub mod seen_lights;
+pub mod smoothing;
 pub mod statistic;
 pub mod tiled_buffer;
 pub mod windows;

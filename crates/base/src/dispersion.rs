@@ -1,8 +1,8 @@
 //! Dispersion: refractive indices as functions of the wavelength.
 
-use super::glasses;
-use crate::base::error::{Error, Result};
-use crate::base::spectrum::Wavelength;
+use crate::error::{Error, Result};
+use crate::glasses;
+use crate::spectrum::Wavelength;
 use serde::Serialize;
 
 /// Wavelengths of the Fraunhofer lines F, d and C, nm: glass catalogs give indices there.
@@ -100,6 +100,7 @@ impl RefractiveIndex {
     }
 
     /// The index at a wavelength in nm. theory.md (47j)
+    #[inline]
     pub fn at(&self, nanometers: f64) -> f64 {
         let l2 = (nanometers / 1000.0).powi(2);
         match self {
@@ -126,6 +127,7 @@ impl RefractiveIndex {
     }
 
     /// The index at the line d, 587.56 nm: the single number of media.
+    #[inline]
     pub fn at_d(&self) -> f64 {
         self.at(LINES[1])
     }
@@ -143,6 +145,7 @@ impl RefractiveIndex {
     }
 }
 
+#[inline]
 fn sellmeier(terms: &[[f64; 2]], l2: f64) -> f64 {
     (1.0 + terms.iter().map(|[b, c]| b * l2 / (l2 - c)).sum::<f64>()).sqrt()
 }
@@ -171,11 +174,13 @@ impl Dispersion {
     }
 
     /// Medium behind the interface.
+    #[inline]
     pub fn inside(&self) -> &RefractiveIndex {
         &self.inside
     }
 
     /// Medium in front of the interface.
+    #[inline]
     pub fn outside(&self) -> &RefractiveIndex {
         &self.outside
     }
@@ -187,6 +192,7 @@ impl Dispersion {
     }
 
     /// Indices behind the interface over those in front, for all wavelengths.
+    #[inline]
     pub fn all_relative(&self) -> &[f32] {
         &self.relative
     }

@@ -4,11 +4,7 @@ use rayon::prelude::*;
 
 /// Weighted means around each pixel. The weights decrease linearly to 0 at a distance of five
 /// pixels along rows and columns.
-pub(super) fn smooth<const N: usize>(
-    values: &[[f64; N]],
-    width: usize,
-    height: usize,
-) -> Vec<[f64; N]> {
+pub fn smooth<const N: usize>(values: &[[f64; N]], width: usize, height: usize) -> Vec<[f64; N]> {
     let along = |values: &[[f64; N]], step: usize, radius: usize, length: usize| {
         let mean = |index: usize| {
             let center = index / step % length;
@@ -29,7 +25,7 @@ pub(super) fn smooth<const N: usize>(
 
 /// Sums around each cell. Their weights are a function of `1 - x/size` times `1 - y/size` at a
 /// distance of `x` columns and `y` rows, and 0 from `size` cells on.
-pub(super) fn tent_sums<const N: usize>(
+pub fn tent_sums<const N: usize>(
     values: &[[f64; N]],
     [width, height]: [usize; 2],
     size: usize,
@@ -53,7 +49,7 @@ pub(super) fn tent_sums<const N: usize>(
 }
 
 /// Means over all cells at most `radius` rows and columns away from each.
-pub(super) fn box_means(values: &[f64], width: usize, height: usize, radius: usize) -> Vec<f64> {
+pub fn box_means(values: &[f64], width: usize, height: usize, radius: usize) -> Vec<f64> {
     let along = |values: &[f64], step: usize, length: usize, lines: usize| {
         let line = |line: usize| {
             let first = if step == 1 { line * length } else { line };
