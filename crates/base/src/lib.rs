@@ -1,8 +1,8 @@
 //! The common ground of all stages of bdpm.
 //!
 //! Here live errors, vectors and sampling, random numbers, wavelengths and refractive indices,
-//! iteration sets, memory and files, and numbers of many paths side by side. Nothing here knows scenes, images, or how light is
-//! transported.
+//! iteration sets, memory and files, and numbers of many paths side by side. Nothing here knows
+//! scenes, images, or how light is transported.
 
 // In the order of the stages: no module names one that comes after it.
 pub mod names;

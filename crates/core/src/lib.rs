@@ -1,9 +1,9 @@
 //! The core of bdpm: from a scene in memory to an image that knows its own error.
 //!
-//! Here live scenes, light transport, photon maps, and [`Renderer`], which renders iterations. All of
-//! it is in one crate, since the hot path spans its modules. Vectors, image files, settings and the
-//! statistics of an image are in crates below this one, which it shows as its own modules. Nothing
-//! here knows formats of scene files, decides how long to render, or prints.
+//! Here live scenes, light transport, photon maps, and [`Renderer`], which renders iterations. All
+//! of it is in one crate, since the hot path spans its modules. Vectors, image files, settings and
+//! the statistics of an image are in crates below this one, which it shows as its own modules.
+//! Nothing here knows formats of scene files, decides how long to render, or prints.
 
 // In the order of the stages: no module names one that comes after it.
 pub mod scene;

@@ -1,8 +1,8 @@
 //! Interface of a statistic that is kept per pixel: start, add iterations, merge with other sums.
 //!
-//! `crates/core/src/render/accumulators.rs` lists all statistics. Everything that a render does with
-//! each of them goes over that list. A new statistic takes one file, with a type of sums that implements
-//! [`FoldedStatistic`], and one line there.
+//! `crates/core/src/render/accumulators.rs` lists all statistics. Everything that a render does
+//! with each of them goes over that list. A new statistic takes one file, with a type of sums that
+//! implements [`FoldedStatistic`], and one line there.
 //!
 //! [`FoldedStatistic`]: super::folds::FoldedStatistic
 

@@ -73,6 +73,7 @@ impl Estimator for Halves {
         self.camera_path += 1;
     }
 
+    #[inline]
     fn finish_pixel(&mut self, n_light: u32, n_camera: u32) -> Coefficients {
         let (n_f, n_b) = (f64::from(n_light), f64::from(n_camera));
         let (n_fk, n_bk) = (half_sizes(n_light), half_sizes(n_camera));
