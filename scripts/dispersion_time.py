@@ -26,7 +26,7 @@ from dispersion_check import LUMINANCE, colors
 ROOT = Path(__file__).resolve().parent.parent
 RUNS = 8
 SCENE = ROOT / "scenes" / "diamond-ring"
-# Sellmeier's B and C (micrometers squared) of diamond by Peter (1923), as in crates/core/src/scene/glasses.rs.
+# Sellmeier's B and C (micrometers squared) of diamond by Peter (1923), as in crates/base/src/glasses.rs.
 DIAMOND = [(0.3306, 0.175**2), (4.3356, 0.106**2)]
 
 

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Crates whose modules are stages.
-const CRATES: [&str; 3] = ["core", "auto", "job"];
+const CRATES: [&str; 5] = ["base", "statistics", "core", "auto", "job"];
 
 /// The public modules of a `lib.rs`, in its order.
 fn stages(lib: &str) -> Vec<&str> {

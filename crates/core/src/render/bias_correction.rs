@@ -8,12 +8,12 @@
 use super::annulus_moments::{FoldEstimate, FoldWeight, WeightedBlocks};
 use super::block::Block;
 use super::coarse_bias::coarse_bias;
-use super::smoothing::{box_means, smooth};
 use super::suffixes::square_side;
 use crate::base::math::Rgb;
 use crate::film::annulus::{FOLDS, left_at_half};
 use crate::film::cells::CellGrid;
 use crate::film::radiance::{luminance, luminance_weights};
+use crate::film::smoothing::{box_means, smooth};
 use crate::transport::photon::PhotonClass;
 use rayon::prelude::*;
 

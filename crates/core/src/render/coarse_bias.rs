@@ -7,11 +7,11 @@
 
 use super::annulus_moments::{FoldEstimate, FoldWeight};
 use super::bias_correction::{CACHE_EXCESS, LARGE_BIAS2, SQUARES_AROUND, shrinkage};
-use super::smoothing::{box_means, tent_sums};
 use crate::base::math::Rgb;
 use crate::film::annulus::FOLDS;
 use crate::film::cells::CellGrid;
 use crate::film::radiance::{luminance, luminance_weights};
+use crate::film::smoothing::{box_means, tent_sums};
 use glam::DVec3;
 use rayon::prelude::*;
 

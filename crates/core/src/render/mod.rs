@@ -21,7 +21,6 @@ mod memory;
 mod partial;
 mod report;
 mod set_factor;
-mod smoothing;
 mod suffixes;
 mod tile_paths;
 mod tiles;
