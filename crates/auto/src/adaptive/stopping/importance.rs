@@ -86,11 +86,11 @@ pub fn luminances(image: &CombinedImage) -> Vec<f64> {
 /// If the variance exceeds `1 - MIN_PIXEL_SIGNAL_SHARE` of the square, the mean over the
 /// neighborhood is used. It hardly follows the noise of the pixel.
 ///
-/// A pixel that was lit once has that light in one of the two `halves` of the samples. The other half
-/// says without it how bright the neighborhood is, with all other rare light: pixels that may see a
-/// flame by a mirror are a neighborhood of flames, although few of them were lit. A pixel that is far
-/// brighter than its neighborhood in both halves counts by its darker half. Without halves, pixels
-/// that were lit once are left out.
+/// A pixel that was lit once has that light in one of the two `halves` of the samples. The other
+/// half says without it how bright the neighborhood is, with all other rare light: pixels that may
+/// see a flame by a mirror are a neighborhood of flames, although few of them were lit. A pixel
+/// that is far brighter than its neighborhood in both halves counts by its darker half. Without
+/// halves, pixels that were lit once are left out.
 pub fn without_noise(
     mean: &[f64],
     variance: &[f64],
@@ -216,9 +216,9 @@ mod tests {
         assert_eq!(all[0], 1.0);
     }
 
-    /// Pixels that see flames by a mirror: bright if a path takes it, which each pixel's does with a
-    /// probability of its own. Few are lit more than once. The relative variance is nearly that by the
-    /// true weights; without halves it is 17 times as much.
+    /// Pixels that see flames by a mirror: bright if a path takes it, which each pixel's does with
+    /// a probability of its own. Few are lit more than once. The relative variance is nearly that
+    /// by the true weights; without halves it is 17 times as much.
     #[test]
     fn flames_by_mirrors_weigh_by_all_that_may_see_them() {
         let (side, samples, share, light, dark) = (64u32, 16, 0.03, 60.0, 0.05);
@@ -244,8 +244,8 @@ mod tests {
         let expected = of_pixel / (1.01 * (dark + light * share).powi(2));
         let (with, without) = (stated(Some(&halves)) / expected, stated(None) / expected);
         println!("{with} {without}");
-        // A half has 12 events around a pixel, and 3 to 6 at the border. Inverse squares of a mean of k
-        // events have a mean of 1 + 3/k and more of that of the expected value.
+        // A half has 12 events around a pixel, and 3 to 6 at the border. Inverse squares of a mean
+        // of k events have a mean of 1 + 3/k and more of that of the expected value.
         assert!((1.0..1.8).contains(&with) && without > 8.0, "{with} {without}");
     }
 
