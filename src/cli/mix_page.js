@@ -50,7 +50,9 @@
 
   /** Shows the mixture. */
   function draw() {
-    const context = canvas.getContext('2d'), picture = context.createImageData(canvas.width, canvas.height);
+    // Pixels are computed here: the canvas is better kept in main memory.
+    const context = canvas.getContext('2d', { willReadFrequently: true });
+    const picture = context.createImageData(canvas.width, canvas.height);
     const sum = new Float32Array(3 * canvas.width * canvas.height);
     for (const { factor, radiance } of lights) {
       if (factor > 0) for (let i = 0; i < sum.length; i++) sum[i] += factor * radiance[i];

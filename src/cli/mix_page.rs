@@ -258,7 +258,7 @@ impl MixPage<'_> {
                     "rounded. "
                 }
                 "Over some mixtures, it differs by at most "
-                (format!("{:.2} %", 100.0 * largest_difference))
+                (format!("{:.2} %", (100.0 * largest_difference).max(0.01)))
                 " of its value from the error that bdpm mix states."
             }
             p {

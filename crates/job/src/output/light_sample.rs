@@ -3,7 +3,8 @@
 //! The error of a mixture is a mean over pixels, whose weights depend on the mixture. A page has no
 //! room for all pixels of a large image. It has squares of them, mainly those with large errors,
 //! with weights such that the errors of all lights together, of each light alone, and of all lights
-//! with one of them off or dimmed are exact. Smaller images are a single square, and the error of every mixture is exact but for rounding.
+//! with one of them off or dimmed are exact. Smaller images are a single square, and the error of
+//! every mixture is exact but for rounding.
 
 mod choice;
 

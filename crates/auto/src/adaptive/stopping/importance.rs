@@ -12,8 +12,9 @@ use rayon::prelude::*;
 /// is the better estimate.
 const MIN_SIGNAL_SHARE: f64 = 0.9;
 
-/// Minimum share of a single pixel's squared luminance that is not noise. Rare light makes a pixel bright and noisy at once: its weight would
-/// fall where its variance is known to be large, and errors of rooms were reported 12 % too low.
+/// Minimum share of a single pixel's squared luminance that is not noise. Rare light makes a pixel
+/// bright and noisy at once: its weight would fall where its variance is known to be large, and
+/// errors of rooms were reported 12 % too low.
 pub const MIN_PIXEL_SIGNAL_SHARE: f64 = 0.99;
 
 /// Share of the square below which a pixel was lit by less than two events, since `k` events of one
