@@ -92,11 +92,11 @@ fn read(html: &str) -> ((usize, usize), Vec<PageLight>, MixtureSample) {
     };
     let starts = html.split("<div class=\"light\"").skip(1);
     let light = |(tag, body): (&&str, &str)| {
-        let values = words(tag, "data-radiance").unwrap();
+        let (values, unit) = (words(tag, "data-radiance").unwrap(), scale(tag));
         PageLight {
             name: attribute(tag, "data-name").unwrap(),
             start: attribute(tags(body, "<input")[1], "value").unwrap(),
-            radiance: values.iter().map(|own| scale(tag) * f64::from(half_value(*own))).collect(),
+            radiance: values.iter().map(|own| unit * f64::from(half_value(*own))).collect(),
         }
     };
     ((picture[0], picture[1]), tags_of_lights.iter().zip(starts).map(light).collect(), sample)
