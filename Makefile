@@ -109,6 +109,7 @@ check-report: setup
 	$(CARGO) test $(FLAGS) $(ALL) --test check -- report:: page::
 	scripts/check-report.sh out/report-quick
 	scripts/check-page.sh out/page
+	scripts/check-mix.sh out/mix
 
 # All checks that are in no other of `.ci/run`, one after the other: some hours on 2 cores.
 nightly: setup

@@ -58,3 +58,44 @@ function problems(frame, width, more) {
   }
   return found;
 }
+
+/** Text against what is behind it, by WCAG 2: a contrast of 4.5 is required. */
+function contrasts(all, fail) {
+  const parse = text => text.match(/[\d.]+/g).map(Number);
+  const color = (node, name) => parse(node.ownerDocument.defaultView.getComputedStyle(node)[name]);
+  const background = node => {
+    for (let at = node; at; at = at.parentElement) {
+      const [r, g, b, a = 1] = color(at, 'backgroundColor');
+      if (a > 0) return [r, g, b];
+    }
+    return [255, 255, 255];
+  };
+  const luminance = rgb => {
+    const linear = rgb.map(x => x / 255).map(x => x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2];
+  };
+  for (const node of all('p, dt, dd, td, th, h1, h2, span, figcaption, button, code, label, output')) {
+    if (!node.textContent.trim() || node.closest('.label, .ticks')) continue;
+    const both = [luminance(color(node, 'color').slice(0, 3)), luminance(background(node))];
+    const [light, dark] = both.sort((a, b) => b - a);
+    const contrast = (light + 0.05) / (dark + 0.05);
+    if (contrast < 4.5) fail(`contrast of ${contrast.toFixed(2)}`, node);
+  }
+}
+
+/** Resolves once a frame or a picture has loaded. */
+const loaded = node => new Promise((done, failed) => {
+  node.addEventListener('load', done, { once: true });
+  node.addEventListener('error', () => failed(`${node.src} does not load`), { once: true });
+});
+/** Ends the check if something does not hold. */
+const expect = (is, what) => { if (!is) throw what; };
+
+/** The bytes of a picture's pixels. */
+function pixels(image) {
+  const canvas = document.createElement('canvas');
+  [canvas.width, canvas.height] = [image.naturalWidth, image.naturalHeight];
+  const context = canvas.getContext('2d');
+  context.drawImage(image, 0, 0);
+  return context.getImageData(0, 0, canvas.width, canvas.height).data;
+}

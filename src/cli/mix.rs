@@ -3,7 +3,8 @@
 use super::image_file_args::{ImageFileArgs, image_name};
 use super::luminance_files::{luminance_layer, record_efficacy, write_luminance};
 use super::outputs::{self, Attempts, Output};
-use super::{preview, reported};
+use super::{mix_page, preview, reported};
+use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::{Error, Result};
 use bdpm::base::math::{Rgb, luminance};
 use bdpm::image_io::{self, ExrFormat};
@@ -14,6 +15,9 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
+#[command(mut_arg("exr_compression", |arg| arg.requires("output")))]
+#[command(mut_arg("half", |arg| arg.requires("output")))]
+#[command(mut_arg("photometric", |arg| arg.requires("output")))]
 pub struct Args {
     /// Mix these images of `render --lights`, or the image of `render --light-groups`
     #[arg(value_name = "IMAGE", required = true)]
@@ -23,7 +27,11 @@ pub struct Args {
     set: Vec<(String, Rgb)>,
     /// Write the mixture to this file, and a PNG preview beside it
     #[arg(long, short, value_name = "OUT.exr", value_parser = image_name)]
-    output: PathBuf,
+    #[arg(required_unless_present = "report")]
+    output: Option<PathBuf>,
+    /// Write a page with a slider for each light, which shows mixtures and errors
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
     #[command(flatten)]
     files: ImageFileArgs,
     /// Show only errors
@@ -46,8 +54,10 @@ pub struct MixedLight {
 /// The result.
 #[derive(Serialize)]
 pub struct MixReport {
-    exr: String,
-    png: String,
+    exr: Option<String>,
+    png: Option<String>,
+    /// The page with sliders.
+    report: Option<String>,
     lights: Vec<MixedLight>,
     /// W/(m^2 sr).
     mean_luminance: f64,
@@ -74,25 +84,50 @@ fn factor(text: &str) -> Result<(String, Rgb)> {
 }
 
 pub fn run(args: &Args) -> Result<String> {
-    let beside = preview::beside(&args.output);
-    let false_color = args.files.false_color(&args.output);
-    let files = |png| {
-        let mut all = vec![
-            Output::new("--output", &args.output, Some("exr")),
-            Output::new("the preview of --output", png, Some("png")),
-        ];
-        let path = false_color.as_deref();
-        all.extend(path.map(|path| Output::new("the file of --photometric", path, None)));
-        all
-    };
-    outputs::check(&files(&beside))?;
+    let (exr, report) = (args.output.as_deref(), args.report.as_deref());
+    let beside = exr.map(preview::beside);
+    let false_color = exr.and_then(|exr| args.files.false_color(exr));
+    outputs::check(&args.outputs(beside.as_deref(), false_color.as_deref()))?;
     let read = |path: &PathBuf| Ok((light_name(path), image_io::read_exr(path)?));
     let images = args.images.iter().map(read).collect::<Result<Vec<_>>>()?;
-    let png = preview::aside(&beside)?;
-    outputs::spare_inputs(&files(&png))?;
+    let png = beside.as_deref().map(preview::aside).transpose()?;
+    outputs::spare_inputs(&args.outputs(png.as_deref(), false_color.as_deref()))?;
     let lights = LightImages::new(images)?;
-    let report = write(&lights, &args.set, (&args.output, &png), &args.files)?;
+    let mixed = Mixed::new(&lights, &args.set)?;
+    let html = report.map(|_| mix_page::html(&mixed, &args.images, args.files.tone_mapping()));
+    let html = html.transpose()?;
+    let image = exr.zip(png.as_deref());
+    let mut attempts = Attempts::default();
+    if let Some(paths) = image {
+        mixed.write(paths, &args.files, &mut attempts);
+    }
+    if let Some((path, html)) = report.zip(html) {
+        let save = || write_atomically(path, |file| file.write_all(html.as_bytes()));
+        attempts.add(path, save);
+    }
+    attempts.finish()?;
+    let report = mixed.report(image, report);
     Ok(reported((args.json, args.quiet), &report, || report.text()))
+}
+
+impl Args {
+    /// The files to write.
+    fn outputs<'a>(
+        &'a self,
+        png: Option<&'a Path>,
+        false_color: Option<&'a Path>,
+    ) -> Vec<Output<'a>> {
+        let all = [
+            ("--output", self.output.as_deref(), Some("exr")),
+            ("the preview of --output", png, Some("png")),
+            ("the file of --photometric", false_color, None),
+            ("--report", self.report.as_deref(), Some("html")),
+        ];
+        let output = |(what, path, extension): (_, Option<&'a Path>, _)| {
+            path.map(|path| Output::new(what, path, extension))
+        };
+        all.into_iter().filter_map(output).collect()
+    }
 }
 
 /// Name of the light of a file that states none.
@@ -104,66 +139,84 @@ fn light_name(path: &Path) -> String {
 pub fn write(
     lights: &LightImages,
     set: &[(String, Rgb)],
-    (exr, png): (&Path, &Path),
+    image: (&Path, &Path),
     files: &ImageFileArgs,
 ) -> Result<MixReport> {
-    let mut factors = vec![Rgb::ONE; lights.lights.len()];
-    for (pattern, factor) in set {
-        let mut is_known = false;
-        for (light, own) in lights.lights.iter().zip(&mut factors) {
-            if matches(pattern, &light.name) {
-                (*own, is_known) = (*factor, true);
-            }
-        }
-        if !is_known {
-            let names: Vec<&str> = lights.lights.iter().map(|light| &light.name[..]).collect();
-            let problem = format!("no image has the light `{pattern}`");
-            return Err(Error::new(problem, format!("set one of: {}", names.join(", "))));
-        }
-    }
-    let mixture = lights.mixture(&factors);
-    let mut image = lights.image(&factors, &mixture);
-    let false_color = files.false_color(exr);
-    if false_color.is_some() {
-        image.layers.push(luminance_layer(&mixture.radiance));
-        record_efficacy(&mut image.metadata);
-    }
+    let mixed = Mixed::new(lights, set)?;
     let mut attempts = Attempts::default();
-    let format = ExrFormat { window: lights.window(), ..files.exr_format() };
-    attempts.add(exr, || image_io::write_exr_as(exr, &image, format));
-    attempts.add(png, || {
-        image_io::write_png_as(png, lights.size, &mixture.radiance, files.tone_mapping())
-    });
-    if let Some(path) = &false_color {
-        attempts.add(path, || write_luminance(path, lights.size, &mixture.radiance));
-    }
+    mixed.write(image, files, &mut attempts);
     attempts.finish()?;
-    Ok(MixReport::new(lights, &factors, &mixture, (exr, png)))
+    Ok(mixed.report(Some(image), None))
 }
 
-impl MixReport {
-    fn new(
-        lights: &LightImages,
-        factors: &[Rgb],
-        mixture: &Mixture,
-        (exr, png): (&Path, &Path),
-    ) -> Self {
+/// Lights with their factors, and their mixture.
+pub struct Mixed<'a> {
+    pub lights: &'a LightImages,
+    pub factors: Vec<Rgb>,
+    mixture: Mixture,
+}
+
+impl<'a> Mixed<'a> {
+    fn new(lights: &'a LightImages, set: &[(String, Rgb)]) -> Result<Self> {
+        let mut factors = vec![Rgb::ONE; lights.lights.len()];
+        for (pattern, factor) in set {
+            let mut is_known = false;
+            for (light, own) in lights.lights.iter().zip(&mut factors) {
+                if matches(pattern, &light.name) {
+                    (*own, is_known) = (*factor, true);
+                }
+            }
+            if !is_known {
+                let names: Vec<&str> = lights.lights.iter().map(|light| &light.name[..]).collect();
+                let problem = format!("no image has the light `{pattern}`");
+                return Err(Error::new(problem, format!("set one of: {}", names.join(", "))));
+            }
+        }
+        let mixture = lights.mixture(&factors);
+        Ok(Self { lights, factors, mixture })
+    }
+
+    /// Writes the image, its preview and the picture in false colors.
+    fn write(&self, (exr, png): (&Path, &Path), files: &ImageFileArgs, attempts: &mut Attempts) {
+        let Self { lights, factors, mixture } = self;
+        let mut image = lights.image(factors, mixture);
+        let false_color = files.false_color(exr);
+        if false_color.is_some() {
+            image.layers.push(luminance_layer(&mixture.radiance));
+            record_efficacy(&mut image.metadata);
+        }
+        let format = ExrFormat { window: lights.window(), ..files.exr_format() };
+        attempts.add(exr, || image_io::write_exr_as(exr, &image, format));
+        attempts.add(png, || {
+            image_io::write_png_as(png, lights.size, &mixture.radiance, files.tone_mapping())
+        });
+        if let Some(path) = &false_color {
+            attempts.add(path, || write_luminance(path, lights.size, &mixture.radiance));
+        }
+    }
+
+    /// The result with these files: image and preview, page.
+    fn report(&self, image: Option<(&Path, &Path)>, page: Option<&Path>) -> MixReport {
         let name = |path: &Path| path.to_string_lossy().into_owned();
         let light = |(light, factor): (&LightImage, &Rgb)| MixedLight {
             name: light.name.clone(),
             factor: factor.to_array(),
             has_error: light.has_error(),
         };
-        let sum: f64 = mixture.radiance.iter().map(|own| f64::from(luminance(*own))).sum();
-        Self {
-            exr: name(exr),
-            png: name(png),
-            lights: lights.lights.iter().zip(factors).map(light).collect(),
-            mean_luminance: sum / mixture.radiance.len() as f64,
-            error: mixture.error,
+        let radiance = &self.mixture.radiance;
+        let sum: f64 = radiance.iter().map(|own| f64::from(luminance(*own))).sum();
+        MixReport {
+            exr: image.map(|(exr, _)| name(exr)),
+            png: image.map(|(_, png)| name(png)),
+            report: page.map(name),
+            lights: self.lights.lights.iter().zip(&self.factors).map(light).collect(),
+            mean_luminance: sum / radiance.len() as f64,
+            error: self.mixture.error,
         }
     }
+}
 
+impl MixReport {
     pub fn text(&self) -> String {
         let light = |own: &MixedLight| match own.factor {
             [r, g, b] if r == g && g == b => format!("{} {r}", own.name),
@@ -186,10 +239,11 @@ impl MixReport {
                 format!("the error is not known: no image states that of {}", names.join(", "))
             }
         };
+        let files = [&self.exr, &self.png, &self.report].map(Option::as_deref);
+        let files: Vec<&str> = files.into_iter().flatten().collect();
         format!(
-            "{} and {}: {}; mean luminance {:.4}\n{error}\n",
-            self.exr,
-            self.png,
+            "{}: {}; mean luminance {:.4}\n{error}\n",
+            files.join(" and "),
             lights.join(", "),
             self.mean_luminance
         )

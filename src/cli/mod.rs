@@ -26,6 +26,7 @@ mod luminance_files;
 mod measure;
 mod merge;
 mod mix;
+mod mix_page;
 mod optimize;
 mod option_groups;
 mod option_hints;

@@ -12,6 +12,7 @@ mod denoise;
 mod kernel;
 mod materials_light;
 mod mis;
+mod mix_page;
 mod page;
 mod predicts;
 mod reference;

@@ -16,6 +16,7 @@ mod measure;
 mod measure_dark;
 mod measure_glass;
 mod merge;
+mod mix_page;
 mod noise;
 mod optimize;
 mod options;

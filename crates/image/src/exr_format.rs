@@ -73,6 +73,16 @@ impl ExrFormat {
     }
 }
 
+/// Bits of the nearest 16-bit float. Finite values stay finite: the largest is 65504.
+pub fn half_bits(value: f32) -> u16 {
+    half(value).to_bits()
+}
+
+/// Value of the 16-bit float with these bits.
+pub fn half_value(bits: u16) -> f32 {
+    f16::from_bits(bits).to_f32()
+}
+
 /// The nearest 16-bit float. Finite values stay finite: the largest is 65504.
 pub(super) fn half(value: f32) -> f16 {
     if value.is_finite() {

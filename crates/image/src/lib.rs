@@ -24,7 +24,7 @@ mod white_balance;
 #[cfg(feature = "pictures")]
 pub use canvas::Canvas;
 pub use exr_file::{read_exr, read_exr_display, write_exr, write_exr_as, write_exr_rows};
-pub use exr_format::{DisplayWindow, ExrCompression, ExrFormat};
+pub use exr_format::{DisplayWindow, ExrCompression, ExrFormat, half_bits, half_value};
 pub use exr_summary::{ExrChannel, ExrSummary, read_exr_summary};
 pub use png_file::{
     encode_png, is_ours, write_png, write_png_as, write_png_bytes, write_png_exposed,

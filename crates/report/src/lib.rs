@@ -4,7 +4,9 @@
 pub mod axes;
 pub mod noise_plot;
 pub mod number;
+pub mod packed;
 pub mod picture;
+pub mod picture_scale;
 
 use bdpm_core::base::names::visible;
 use maud::{DOCTYPE, Markup, PreEscaped, html};

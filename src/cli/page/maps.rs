@@ -11,6 +11,7 @@ use bdpm::noise::merge_bias::BIAS_CERTAINTY;
 use bdpm::render::bias_over_noise;
 use bdpm::render::block::coefficients;
 use bdpm::report::picture::{Colors, Picture};
+use bdpm::report::picture_scale::PictureScale;
 use maud::{Markup, html};
 use rayon::prelude::*;
 
@@ -43,14 +44,6 @@ struct NoiseTerms {
     shares: [f64; 3],
 }
 
-/// Shrinks pictures by an integer factor, so that they are not larger than a limit.
-#[derive(Clone, Copy)]
-struct PictureScale {
-    size: (u32, u32),
-    /// Side of the square of pixels that becomes one pixel.
-    step: u32,
-}
-
 impl Maps {
     /// Pictures of a snapshot. During the render they have at most about `live_pixels` pixels.
     pub fn new(snapshot: &Snapshot, live_pixels: u64) -> Self {
@@ -79,7 +72,7 @@ impl Maps {
         let noise = image.rms().map(|rms| {
             let relative = |(rms, weight): (&f32, &f64)| [100.0 * f64::from(*rms) * weight.sqrt()];
             let values: Vec<_> = rms.par_iter().zip(&weights).map(relative).collect();
-            scale.values("noise", "RMS noise of each pixel", &values, Colors::Sequential)
+            percentages(scale, ("noise", "RMS noise of each pixel"), &values, Colors::Sequential)
         });
         let bias = bias_over_noise::per_cell(image.blocks()).map(|bias| {
             let relative = |([bias, error], weight): (&[f64; 2], &f64)| {
@@ -88,12 +81,8 @@ impl Maps {
             };
             let values: Vec<_> = bias.par_iter().zip(&importance).map(relative).collect();
             let values = cells.expanded(&values);
-            scale.values(
-                "bias",
-                &format!("{} of each pixel", strategy.bias_name()),
-                &values,
-                Colors::Diverging,
-            )
+            let alt = format!("{} of each pixel", strategy.bias_name());
+            percentages(scale, ("bias", &alt), &values, Colors::Diverging)
         });
         Self {
             image: radiance("image", &format!("the picture of {scene}"), &mean),
@@ -260,39 +249,16 @@ impl NoiseTerms {
     }
 }
 
-impl PictureScale {
-    fn shrunk(self) -> (u32, u32) {
-        (self.size.0.div_ceil(self.step), self.size.1.div_ceil(self.step))
-    }
-
-    /// Means over squares of pixels.
-    fn shrink<T: Sync, const N: usize>(
-        self,
-        values: &[T],
-        value: impl Fn(&T) -> [f64; N] + Sync,
-    ) -> Vec<[f64; N]> {
-        let (Self { size: (width, height), step }, (across, down)) = (self, self.shrunk());
-        let mean = |index: u32| {
-            let (x, y) = (index % across * step, index / across * step);
-            let (mut sums, mut count) = ([0.0; N], 0.0);
-            for row in y..(y + step).min(height) {
-                for column in x..(x + step).min(width) {
-                    let value = value(&values[row as usize * width as usize + column as usize]);
-                    sums.iter_mut().zip(value).for_each(|(sum, value)| *sum += value);
-                    count += 1.0;
-                }
-            }
-            sums.map(|sum| sum / count)
-        };
-        (0..across * down).into_par_iter().map(mean).collect()
-    }
-
-    /// A picture of percentages.
-    fn values(self, name: &'static str, alt: &str, values: &[[f64; 1]], colors: Colors) -> Picture {
-        let values: Vec<f64> = self.shrink(values, |value| *value).into_flattened();
-        let unit = "% of the pixel’s brightness";
-        Picture::values((name, alt), self.shrunk(), &values, (colors, unit))
-    }
+/// A picture of percentages.
+fn percentages(
+    scale: PictureScale,
+    (name, alt): (&'static str, &str),
+    values: &[[f64; 1]],
+    colors: Colors,
+) -> Picture {
+    let values: Vec<f64> = scale.shrink(values, |value| *value).into_flattened();
+    let unit = "% of the pixel’s brightness";
+    Picture::values((name, alt), scale.shrunk(), &values, (colors, unit))
 }
 
 /// A picture whose zoom is shared with the other pictures.
@@ -341,17 +307,5 @@ mod tests {
         let places =
             ["raw picture", "frame denoised", "denoised picture"].map(|text| html.find(text));
         assert!(places.is_sorted() && places[0].is_some(), "{html}");
-    }
-
-    #[test]
-    fn shrinking_at_the_border_keeps_means() {
-        let scale = PictureScale { size: (5, 3), step: 2 };
-        let values: Vec<f64> = (0..15).map(f64::from).collect();
-        let small = scale.shrink(&values, |value| [*value]).into_flattened();
-        assert_eq!(scale.shrunk(), (3, 2));
-        assert_eq!(small, [3.0, 5.0, 6.5, 10.5, 12.5, 14.0]);
-        let same =
-            PictureScale { step: 1, ..scale }.shrink(&values, |value| [*value]).into_flattened();
-        assert_eq!(same, values);
     }
 }

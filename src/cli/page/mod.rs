@@ -41,6 +41,9 @@ const FIRST_PIXEL: Duration = Duration::from_micros(10);
 /// integer factor.
 const LIVE_PIXELS: u64 = 1 << 20;
 
+/// Style sheet of pages about images.
+pub const STYLE: &str = include_str!("style.css");
+
 /// A render at one moment, or at its end.
 pub struct Snapshot<'a> {
     pub input: &'a SceneInput,
@@ -146,7 +149,7 @@ impl Page {
             Some(_) => format!("{scene}: rendering"),
             None => format!("{scene}: done"),
         };
-        let html = document(&title, include_str!("style.css"), &head, &body).into_string();
+        let html = document(&title, STYLE, &head, &body).into_string();
         write_atomically(&self.path, |file| file.write_all(html.as_bytes()))
     }
 }
@@ -162,7 +165,7 @@ fn command() -> String {
 }
 
 /// A word in the quotes that a shell needs.
-fn quoted(word: &str) -> String {
+pub fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "-_./:=,%+@".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {
         return word.to_owned();

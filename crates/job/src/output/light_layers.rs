@@ -145,6 +145,11 @@ impl LightErrors {
 }
 
 impl LightImage {
+    /// Radiance of each pixel, W/(m^2 sr).
+    pub fn radiance(&self) -> &[Rgb] {
+        &self.radiance
+    }
+
     /// Whether the error of the image is known.
     pub fn has_error(&self) -> bool {
         match self.errors.denoised {

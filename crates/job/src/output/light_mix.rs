@@ -111,6 +111,20 @@ impl LightImages {
 
     /// The mixture in which each light has its factor of this list, for each channel.
     pub fn mixture(&self, factors: &[Rgb]) -> Mixture {
+        let MixtureMap { radiance, variance, squares, is_denoised, .. } = self.map(factors);
+        let (width, height) = self.size;
+        let rms = variance.map(|variance| {
+            let variance: Vec<[f64; 1]> = variance.into_iter().map(|own| [own]).collect();
+            let pooled = box_filter(&variance, width, height);
+            pooled.into_iter().map(|[own]| own.max(0.0).sqrt() as f32).collect()
+        });
+        let mean =
+            |part: usize| squares.iter().map(|own| own[part]).sum::<f64>() / squares.len() as f64;
+        Mixture { radiance, rms, error: MixtureError::of([mean(0), mean(1)], is_denoised) }
+    }
+
+    /// The pixels of a mixture, with their errors.
+    pub(super) fn map(&self, factors: &[Rgb]) -> MixtureMap {
         let pixels = self.lights[0].radiance.len();
         let lights: Vec<(&LightImage, Rgb)> =
             self.lights.iter().zip(factors.iter().copied()).collect();
@@ -120,25 +134,20 @@ impl LightImages {
         let radiance: Vec<Rgb> = (0..pixels).into_par_iter().map(sum).collect();
         let shining: Vec<Shining> = lights
             .iter()
+            .filter(|(_, factor)| factor.abs().max_element() > 0.0)
             .map(|(own, factor)| Shining::new(own, f64::from(factor.abs().max_element())))
-            .filter(|own| own.factor > 0.0)
             .collect();
-        let noise = |pixel: usize| [variance(&shining, |own| own.light.rms_at(pixel))];
+        let noise = |pixel: usize| variance(shining.iter().map(|own| own.noise_at(pixel)));
         let is_known = shining.iter().all(|own| own.light.variance.is_some());
-        let noise: Option<Vec<[f64; 1]>> =
+        let variance: Option<Vec<f64>> =
             is_known.then(|| (0..pixels).into_par_iter().map(noise).collect());
         let mut clean = luminances(&radiance);
-        if let Some(noise) = &noise {
-            let single: Vec<f64> = noise.iter().map(|[own]| *own).collect();
-            clean = without_noise(&clean, &single, None, self.size);
+        if let Some(variance) = &variance {
+            clean = without_noise(&clean, variance, None, self.size);
         }
-        let error = MixtureError::new(&shining, &luminance_weights(&clean));
-        let (width, height) = self.size;
-        let rms = noise.map(|noise| {
-            let pooled = box_filter(&noise, width, height);
-            pooled.into_iter().map(|[own]| own.max(0.0).sqrt() as f32).collect()
-        });
-        Mixture { radiance, rms, error }
+        let squares = squares(&shining, &luminance_weights(&clean));
+        let is_denoised = shining.iter().any(|own| own.light.errors.denoised.is_some());
+        MixtureMap { radiance, variance, clean, squares, is_denoised }
     }
 
     /// The file of a mixture, with the lights as layers that add up to the image.
@@ -178,6 +187,19 @@ impl LightImages {
     }
 }
 
+/// The pixels of a mixture, with their errors.
+pub(super) struct MixtureMap {
+    /// Radiance, W/(m^2 sr).
+    radiance: Vec<Rgb>,
+    /// Variance of the luminance before denoising, if it is known.
+    variance: Option<Vec<f64>>,
+    /// Luminance without noise, from which the weights follow.
+    pub(super) clean: Vec<f64>,
+    /// Squared relative errors of noise and of bias.
+    pub(super) squares: Vec<[f64; 2]>,
+    is_denoised: bool,
+}
+
 /// A light of a mixture that is on.
 struct Shining<'a> {
     light: &'a LightImage,
@@ -193,14 +215,21 @@ impl<'a> Shining<'a> {
         let units = weights.into_iter().map(|weight| weight.sqrt().recip()).collect();
         Self { light, factor, units }
     }
+
+    /// Seed, and noise of a pixel before denoising.
+    fn noise_at(&self, pixel: usize) -> SeededError {
+        (self.light.errors.seed, self.factor * self.light.rms_at(pixel))
+    }
 }
 
-/// Variance of the sum of errors of lights times factors. Errors from the same random numbers may
-/// be those of the same paths, and are taken to add up. theory.md (19e)
-fn variance(lights: &[Shining], error: impl Fn(&Shining) -> f64) -> f64 {
-    let mut sums: Vec<(Option<u64>, f64)> = Vec::new();
-    for own in lights {
-        let (seed, error) = (own.light.errors.seed, own.factor * error(own));
+/// An error of a pixel, and the number that chose its random numbers, if that is known.
+pub(super) type SeededError = (Option<u64>, f64);
+
+/// Variance of the sum of errors. Errors from the same random numbers may be those of the same
+/// paths, and are taken to add up. theory.md (19e)
+pub(super) fn variance(errors: impl Iterator<Item = SeededError>) -> f64 {
+    let mut sums: Vec<SeededError> = Vec::new();
+    for (seed, error) in errors {
         match sums.iter_mut().find(|(other, _)| *other == seed) {
             Some((_, sum)) => *sum += error,
             None => sums.push((seed, error)),
@@ -209,28 +238,30 @@ fn variance(lights: &[Shining], error: impl Fn(&Shining) -> f64) -> f64 {
     sums.into_iter().map(|(_, sum)| sum * sum).sum()
 }
 
+/// Squared relative errors of noise and of bias of each pixel of a sum of lights that has these
+/// weights of squared errors. Errors that are not known are not numbers.
+fn squares(lights: &[Shining], weights: &[f64]) -> Vec<[f64; 2]> {
+    let at = |pixel: usize| -> [f64; 2] {
+        let noise = variance(lights.iter().map(|own| match own.light.errors.denoised {
+            Some(error) => (own.light.errors.seed, own.factor * (error * own.units[pixel])),
+            None => own.noise_at(pixel),
+        }));
+        let biased = lights.iter().filter(|own| own.light.errors.denoised.is_none());
+        let bias = |own: &Shining| own.factor * own.light.errors.bias * own.units[pixel];
+        let bias: f64 = biased.map(bias).sum();
+        [noise, bias * bias].map(|square| square * weights[pixel])
+    };
+    (0..weights.len()).into_par_iter().map(at).collect()
+}
+
 impl MixtureError {
-    /// The error of lights whose sum has these weights of squared errors; `None` if that of a light
-    /// is not known.
-    fn new(lights: &[Shining], weights: &[f64]) -> Option<Self> {
-        let at = |pixel: usize| -> [f64; 2] {
-            let noise = variance(lights, |own| match own.light.errors.denoised {
-                Some(error) => error * own.units[pixel],
-                None => own.light.rms_at(pixel),
-            });
-            let biased = lights.iter().filter(|own| own.light.errors.denoised.is_none());
-            let bias = |own: &Shining| own.factor * own.light.errors.bias * own.units[pixel];
-            let bias: f64 = biased.map(bias).sum();
-            [noise, bias * bias].map(|square| square * weights[pixel])
-        };
-        let each: Vec<[f64; 2]> = (0..weights.len()).into_par_iter().map(at).collect();
-        let mean = |part: usize| each.iter().map(|own| own[part]).sum::<f64>() / each.len() as f64;
-        let [noise2, bias2] = [mean(0), mean(1)];
+    /// The error with these squares of noise and bias; `None` if they are not known.
+    pub(super) fn of([noise2, bias2]: [f64; 2], is_denoised: bool) -> Option<Self> {
         (noise2 + bias2).is_finite().then(|| Self {
             total: (noise2 + bias2).sqrt(),
             noise: noise2.sqrt(),
             bias: bias2.sqrt(),
-            is_denoised: lights.iter().any(|own| own.light.errors.denoised.is_some()),
+            is_denoised,
         })
     }
 }

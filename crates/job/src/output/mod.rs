@@ -6,6 +6,7 @@ mod enlarge;
 pub mod layers;
 pub mod light_layers;
 pub mod light_mix;
+pub mod light_sample;
 pub mod merge;
 pub mod recorded_camera;
 pub mod recorded_gamut;

@@ -12,21 +12,22 @@ use rayon::prelude::*;
 /// is the better estimate.
 const MIN_SIGNAL_SHARE: f64 = 0.9;
 
-/// The same for a single pixel. Rare light makes a pixel bright and noisy at once: its weight would
-/// fall where its variance is known to be large, and errors of rooms were reported 12 % too low.
-const MIN_PIXEL_SIGNAL_SHARE: f64 = 0.99;
+/// Minimum share of a single pixel's squared luminance that is not noise. Rare light makes a pixel
+/// bright and noisy at once: its weight would fall where its variance is known to be large, and
+/// errors of rooms were reported 12 % too low.
+pub const MIN_PIXEL_SIGNAL_SHARE: f64 = 0.99;
 
 /// Share of the square below which a pixel was lit by less than two events, since `k` events of one
 /// size have a variance of nearly `1/k` of the square of their mean. Such a pixel says nothing
 /// about the light around it, and is no part of a neighborhood of others: discs of single photons,
 /// 360 times as bright as all around them, made the errors of images of a pool look 40 times too
 /// small.
-const LIT_ONCE: f64 = 0.5;
+pub const LIT_ONCE: f64 = 0.5;
 
 /// Pixels to each side of a single pixel that are its neighborhood. With 2, errors of rooms were
 /// reported 12 % too low where a path has few samples, with 3 9 %, and 1 % instead of 3 %
 /// elsewhere.
-const AROUND_PIXEL: usize = 3;
+pub const AROUND_PIXEL: usize = 3;
 
 /// Luminance over that of the neighborhood, in both halves of the samples, from which on a pixel is
 /// brighter than its neighborhood rather than noisy.

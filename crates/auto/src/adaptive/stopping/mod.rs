@@ -4,7 +4,9 @@ mod convergence;
 mod importance;
 
 pub use convergence::{Convergence, Forecast, PILOT_SPREAD};
-pub use importance::{importance, luminances, without_noise};
+pub use importance::{
+    AROUND_PIXEL, LIT_ONCE, MIN_PIXEL_SIGNAL_SHARE, importance, luminances, without_noise,
+};
 
 use crate::adaptive::error_interval::SquaredPart;
 use crate::adaptive::optimize::Objective;
