@@ -1,6 +1,7 @@
 //! The merge kernel in media: a ball around a point, or a disc across a segment.
 
 use super::kernel::{ByClass, MergeKernel, NESTED, WavelengthKernel};
+use super::photon::PhotonClass;
 use super::room::Room;
 use crate::base::math::{ball_volume, disc_area};
 use crate::settings::{MediumQuery, Settings};
@@ -64,6 +65,13 @@ impl MediumKernel {
                 MediumQuery::Beams => 2.0 * radii[0].max(radii[1]),
             },
         }
+    }
+
+    /// Admits caustic photons only.
+    pub(super) fn caustics_only(self) -> Self {
+        let mut radius2 = self.radius2;
+        radius2[PhotonClass::Diffuse as usize] = -1.0;
+        Self { radius2, ..self }
     }
 
     /// The kernel for photons of a class where surfaces cut balls or discs: `share` is the part of
