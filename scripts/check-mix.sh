@@ -17,23 +17,8 @@ done
 # shellcheck source=scripts/browser.sh
 . "$root/scripts/browser.sh"
 
-check=file://$root/scripts/check-mix.html?file://$folder
 for theme in light dark; do
-    # 0 is dark, 1 is light; time runs as fast as there is nothing to do.
-    colors=--blink-settings=preferredColorScheme=$([ $theme = dark ] && echo 0 || echo 1)
-    result=$(run "$colors" --enable-logging=stderr --virtual-time-budget=60000 --dump-dom "$check" |
-        sed -n 's|.*<pre id="result">\(.*\)</pre>.*|\1|p') || true # what is wrong is told below
-    if [[ $result != fine* ]]; then
-        [ -n "$result" ] || result=$(tail -n 5 "$profile/log")
-        die "$folder, $theme: $result"
-    fi
-    ! grep 'CONSOLE' "$profile/log" || die "$folder, $theme: the console has errors"
-    run "$colors" --window-size=1280,1500 "--screenshot=$folder/mix-$theme.png" "file://$folder/srgb.html" >/dev/null
-    # Chromium makes no window narrower than 500 pixels: the phone is a frame in a page.
-    printf '<body style="margin:0"><iframe src="file://%s" style="%s"></iframe>' \
-        "$folder/srgb.html" 'border:0;width:360px;height:1700px' >"$profile/phone.html"
-    run "$colors" --window-size=360,1700 "--screenshot=$folder/mix-$theme-phone.png" \
-        "file://$profile/phone.html" >/dev/null
-    say "$theme: $result"
+    check_theme $theme check-mix.html
+    pictures $theme srgb.html mix 1500 1700
 done
 say "pictures: $folder/mix-*.png"

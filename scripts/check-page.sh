@@ -18,26 +18,10 @@ done
 # shellcheck source=scripts/browser.sh
 . "$root/scripts/browser.sh"
 
-check=file://$root/scripts/check-page.html?file://$folder
 for theme in light dark; do
-    # 0 is dark, 1 is light; time runs as fast as there is nothing to do.
-    colors=--blink-settings=preferredColorScheme=$([ $theme = dark ] && echo 0 || echo 1)
-    result=$(run "$colors" --enable-logging=stderr --virtual-time-budget=60000 --dump-dom "$check" |
-        sed -n 's|.*<pre id="result">\(.*\)</pre>.*|\1|p') || true # what is wrong is told below
-    if [[ $result != fine* ]]; then
-        [ -n "$result" ] || result=$(tail -n 5 "$profile/log")
-        die "$folder, $theme: $result"
-    fi
-    ! grep 'CONSOLE' "$profile/log" || die "$folder, $theme: the console has errors"
+    check_theme $theme check-page.html
     for page in during after; do
-        run "$colors" --window-size=1280,2600 "--screenshot=$folder/$page-$theme.png" \
-            "file://$folder/$page.html" >/dev/null
-        # Chromium makes no window narrower than 500 pixels: the phone is a frame in a page.
-        printf '<body style="margin:0"><iframe src="file://%s" style="%s"></iframe>' \
-            "$folder/$page.html" 'border:0;width:360px;height:5200px' >"$profile/phone.html"
-        run "$colors" --window-size=360,5200 "--screenshot=$folder/$page-$theme-phone.png" \
-            "file://$profile/phone.html" >/dev/null
+        pictures $theme $page.html $page 2600 5200
     done
-    say "$theme: $result"
 done
 say "pictures: $folder/*.png"

@@ -37,7 +37,7 @@ const SLIDER_END: f32 = 2.0;
 /// End of the scale of the exposure, stops.
 const STOPS_END: f32 = 8.0;
 
-/// What the page shows.
+/// Content of the page.
 struct MixPage<'a> {
     mixed: &'a Mixed<'a>,
     /// Position of each slider at the start.

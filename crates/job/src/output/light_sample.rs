@@ -1,9 +1,9 @@
 //! Pixels from which a page computes the error of any mixture of lights.
 //!
 //! The error of a mixture is a mean over pixels, whose weights depend on the mixture. A page has no
-//! room for all pixels of a large image. It has squares of them, mainly those with large errors,
-//! with weights such that the errors of all lights together, of each light alone, and of all lights
-//! with one of them off or dimmed are exact. Smaller images are a single square, and the error of
+//! room for all pixels of a large image. It has squares of them, mainly those with large errors.
+//! Their weights make the errors of some mixtures exact: all lights together, each light alone, and
+//! all lights with one of them off or dimmed. Smaller images are a single square, and the error of
 //! every mixture is exact but for rounding.
 
 mod choice;
@@ -48,7 +48,7 @@ pub struct SampleSquare {
     pub weight: f64,
 }
 
-/// What a light contributes to the pixels of a sample. The pixels of each square follow row by row,
+/// Contributions of a light to the pixels of a sample. The pixels of each square follow row by row,
 /// with those around it on which the weights depend.
 #[derive(Clone, Debug)]
 pub struct SampledLight {

@@ -81,7 +81,7 @@ fn sample_of_all_pixels_has_the_errors_of_the_image() {
 fn sample_of_squares_has_the_errors_of_the_image() {
     for denoised in [None, Some(0.05)] {
         let lights = lights(denoised);
-        // Those of a page, half as many as of all pixels.
+        // As much as a page has: room for half of the pixels.
         let bytes = 1_700_000;
         let sample = lights.sample(bytes);
         let stored: usize = sample.lights.iter().map(|own| 4 * own.luminance.len()).sum();
@@ -89,7 +89,7 @@ fn sample_of_squares_has_the_errors_of_the_image() {
         let all = differences(&lights, &sample);
         assert!(all[0] < 0.02, "{all:?}");
         assert!(sample.largest_difference < 0.02, "{}", sample.largest_difference);
-        // Those of all lights together and of each alone are exact.
+        // The errors of all lights together and of each alone are exact.
         for factors in [[1.0; 3], [1.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 2.0]] {
             let exact = lights.mixture(&factors.map(|own| Rgb::splat(own as f32))).error.unwrap();
             let own = sample.error(&factors).unwrap();
