@@ -1,20 +1,21 @@
 //! Hits of diffuse bases, with or without a coat, whose normals and colors may vary: sixteen
 //! surfaces at a time, as [`Scene::surface`] has one.
 
-use super::bsdf::coated_base::CoatedBase;
-use super::bsdf::coats::{CoatedBases, SeenCoats};
-use super::bsdf::{Bsdf, Vertex};
+use super::bsdf::coat_columns::{CoatedBases, Metals};
+use super::bsdf::coated_base::{CoatedBase, MetalRow, metal_of};
+use super::bsdf::coats::SeenCoats;
+use super::bsdf::{Bsdf, Glossy, Vertex};
 use super::diffuse::TriangleSide;
 use super::hit::Triangles;
 use super::shading::{GRAZING, SMOOTH_COSINE};
 use super::triangle::Corners;
 use super::{Material, Mesh, Placement, Scene, Texture, Triangle};
-use crate::accel::HitPacket;
+use crate::accel::Hit;
 use crate::base::math::Rgb;
 use crate::simd::dispatch::{Simd, transpose_rows};
 use crate::simd::{LANES, Mask, Vec3s, lanes_of};
 use bytemuck::{Pod, Zeroable};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
 /// Up to sixteen hits of triangles.
@@ -33,12 +34,25 @@ pub struct CoatedHits {
     pub t: [f32; LANES],
 }
 
+impl CoatedHits {
+    fn get(&self, lane: usize) -> Hit {
+        let Self { mesh, triangle, u, v, t } = self;
+        let [mesh, triangle] = [mesh, triangle].map(|own| own[lane]);
+        let [u, v, t] = [u, v, t].map(|own| own[lane]);
+        Hit { t, u, v, mesh, triangle }
+    }
+}
+
 /// Scratch memory for the data of surfaces that are hit.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CoatedScratch {
     triangle: Triangles,
     corners: CornerColumns,
     coats: CoatedBases,
+    /// Without meaning unless coats may be metal.
+    metals: Metals,
+    /// Barycentric weights in scene space: those of hits, or of placed triangles.
+    weights: [[f32; LANES]; 2],
 }
 
 /// Sixteen [`Corners`].
@@ -55,10 +69,10 @@ struct CornerColumns {
     unused: [u32; LANES],
 }
 
-/// Vertices of sixteen paths at diffuse bases, with or without a coat; see
-/// [`Surface`](super::Surface).
+/// Vertices of sixteen paths at diffuse bases, with or without a coat, which may be metal if `METAL`
+/// is true; see [`Surface`](super::Surface).
 #[derive(Clone, Copy, Debug, Default)]
-pub struct CoatedVertices {
+pub struct CoatedVertices<const METAL: bool> {
     /// Paths that have a vertex; numbers of the others mean nothing.
     pub active: Mask,
     /// Instances that they are on; see [`TriangleSide`].
@@ -80,10 +94,10 @@ pub struct CoatedVertices {
     /// Start points of new rays.
     pub off_surface: Vec3s,
     /// How the surfaces scatter.
-    pub bsdf: SeenCoats,
+    pub bsdf: SeenCoats<METAL>,
 }
 
-impl CoatedVertices {
+impl<const METAL: bool> CoatedVertices<METAL> {
     /// Returns true if `wi` is on one side of both the triangle and the shading normal. See
     /// [`Surface::agrees`](super::Surface::agrees).
     #[inline(always)] // part of the loops over vertices
@@ -112,7 +126,7 @@ impl CoatedVertices {
     /// The surfaces as light from `wi` sees them, which scatters it back along the paths. See
     /// [`Surface::vertex_from`](super::Surface::vertex_from).
     #[inline(always)]
-    pub fn seen_by_light(&self, wi: &Vec3s) -> SeenCoats {
+    pub fn seen_by_light(&self, wi: &Vec3s) -> SeenCoats<METAL> {
         let mut normals = Vec3s::default();
         for lane in 0..LANES {
             let (smooth, wi) = (self.interpolated.get(lane), wi.get(lane));
@@ -126,16 +140,19 @@ impl CoatedVertices {
     }
 }
 
-/// Hits of these materials may be shaded by [`Scene::coated_vertices`]. Those of others emit,
-/// bend normals by a map, vary in roughness, disperse, or bound media.
+/// Hits of these materials may be shaded by [`Scene::coated_vertices`]. Those of others emit, vary in
+/// roughness although they are not [`Glossy`], disperse, or bound media.
 pub(super) fn coated_base(material: &Material) -> CoatedBase {
     let is_plain = material.emission == Rgb::ZERO
         && material.luminous_opening.is_none()
-        && material.normal_map.is_none()
-        && material.metallic_roughness_texture.is_none()
         && material.dispersion.is_none()
         && material.boundary.is_none();
-    if is_plain { CoatedBase::of(&material.bsdf) } else { CoatedBase::default() }
+    match (&material.bsdf, &material.metallic_roughness_texture) {
+        _ if !is_plain => CoatedBase::default(),
+        (bsdf, None) => CoatedBase::of(bsdf),
+        (bsdf @ Bsdf::Glossy(_), Some(_)) => CoatedBase::of_metal(bsdf),
+        (_, Some(_)) => CoatedBase::default(),
+    }
 }
 
 /// Tables for [`Scene::coated_vertices`].
@@ -143,28 +160,45 @@ pub(super) fn coated_base(material: &Material) -> CoatedBase {
 pub(super) struct Coated {
     /// For each material its base and coat.
     bases: Arc<[CoatedBase]>,
-    /// For each placement whether its hits may be shaded, if its material may.
+    /// For each material the surface whose coat may be metal; meaningless for others.
+    metals: Arc<[(Glossy, MetalRow)]>,
+    /// For each material whether the parameters of such a surface vary over it.
+    varies: Arc<[bool]>,
+    /// For each placement whether it has neither a transform nor a mesh with colors.
     is_plain: Arc<[bool]>,
 }
 
 impl Coated {
     pub fn new(materials: &[Material], placements: &[Placement], meshes: &[Mesh]) -> Self {
         let plain = |placed: &Placement| is_plain(placed, &meshes[placed.mesh as usize]);
+        let metal = |material: &Material| {
+            let any = Glossy::new(Rgb::ZERO, 0.0, 1.0, 0.0);
+            let own = metal_of(&material.bsdf).unwrap_or(any);
+            (own, MetalRow::of(&own))
+        };
+        let varies = |material: &Material| {
+            let Material { albedo_texture, metallic_roughness_texture, .. } = material;
+            albedo_texture.is_some() || metallic_roughness_texture.is_some()
+        };
         Self {
             bases: materials.iter().map(coated_base).collect(),
+            metals: materials.iter().map(metal).collect(),
+            varies: materials.iter().map(varies).collect(),
             is_plain: placements.iter().map(plain).collect(),
         }
     }
 }
 
-/// A placement has no transform, and its mesh no colors.
 fn is_plain(placement: &Placement, mesh: &Mesh) -> bool {
     placement.transform.is_none() && mesh.colors.is_empty()
 }
 
 impl Scene {
     /// The BSDF of a vertex.
-    pub fn coated_bsdf(&self, at: &CoatedVertices, lane: usize) -> Bsdf {
+    pub fn coated_bsdf<const METAL: bool>(&self, at: &CoatedVertices<METAL>, lane: usize) -> Bsdf {
+        if METAL {
+            return Bsdf::Glossy(at.bsdf.glossy(lane));
+        }
         let albedo = at.bsdf.albedo.get(lane);
         match self.materials[at.material[lane] as usize].bsdf {
             Bsdf::Lambertian { two_sided, .. } => Bsdf::Lambertian { albedo, two_sided },
@@ -175,30 +209,25 @@ impl Scene {
         }
     }
 
-    /// The hits that [`Self::coated_vertices`] can shade among `lanes`, whose materials
-    /// [`Self::lambertian`] found coated.
+    /// The surfaces of the first `count` hits, which [`Self::lambertian`] found to be of this kind,
+    /// by rays of these origins and unit directions.
     #[inline(always)] // part of the loop over vertices
-    pub fn plain_placements(&self, hits: &HitPacket, lanes: u32) -> u32 {
-        let is_plain = |lane: usize| self.coated.is_plain[hits.mesh[lane] as usize];
-        lanes_of(lanes).fold(0, |all, lane| all | u32::from(is_plain(lane)) << lane)
-    }
-
-    /// The surfaces of the first `count` hits of [`Self::plain_placements`], by rays of these
-    /// origins and unit directions.
-    #[inline(always)] // part of the loop over vertices
-    pub fn coated_vertices(
+    pub fn coated_vertices<const METAL: bool>(
         &self,
         simd: Simd,
         [origins, directions]: [&Vec3s; 2],
         hits: &CoatedHits,
         count: usize,
         scratch: &mut CoatedScratch,
-        at: &mut CoatedVertices,
+        at: &mut CoatedVertices<METAL>,
     ) {
-        self.read_coated(simd, hits, count, scratch);
-        let seen = scratch.seen_sides(directions, hits, count, at);
+        let special = self.read_coated(simd, hits, count, scratch);
+        let mut seen = scratch.seen_sides(directions, hits, count, at);
         let places = (&mut at.position, &at.normal, &mut at.off_surface);
         scratch.triangle.refine_wide([origins, directions], &hits.t, places);
+        if special.bends != 0 {
+            self.bend(hits, special.bends, directions, scratch, &mut seen, at);
+        }
         let (mut textures, mut color) = ([None; LANES], Vec3s::default());
         for (lane, own) in textures.iter_mut().enumerate().take(count) {
             let material = &self.materials[at.material[lane] as usize];
@@ -210,8 +239,18 @@ impl Scene {
         for (lane, restores) in seen.restores.into_iter().enumerate() {
             color.set(lane, color.get(lane) * restores);
         }
+        if special.colored != 0 {
+            for lane in lanes_of(special.colored) {
+                let own = self.color(&hits.get(lane)).unwrap_or(Rgb::ONE);
+                color.set(lane, color.get(lane) * own);
+            }
+        }
+        if METAL {
+            self.read_metals(simd, (&color, special.colored), &seen.uv, count, (scratch, at));
+        }
         let SeenSides { front, wo, .. } = &seen;
-        at.bsdf = SeenCoats::new(&scratch.coats, &color, front, &at.shading_normal, wo);
+        let coats = (&scratch.coats, &scratch.metals);
+        at.bsdf = SeenCoats::new(coats, &color, front, &at.shading_normal, wo);
     }
 
     /// Reads the data of the first `count` hits.
@@ -222,25 +261,160 @@ impl Scene {
         hits: &CoatedHits,
         count: usize,
         scratch: &mut CoatedScratch,
-    ) {
+    ) -> Special {
         let no_corners = Corners::default();
         // Lanes without a hit read the first triangle.
         let mut triangles = [&self.triangles[0]; LANES];
         let mut coats = [&self.coated.bases[0]; LANES];
         let mut corners = [&no_corners; LANES];
+        let mut special = Special::default();
+        scratch.weights = [hits.u, hits.v];
         for lane in 0..count {
-            let first = self.first_triangle[hits.mesh[lane] as usize];
+            let mesh = hits.mesh[lane] as usize;
+            let first = self.first_triangle[mesh];
             let triangle = &self.triangles[(first + hits.triangle[lane]) as usize];
+            let material = triangle.material as usize;
             triangles[lane] = triangle;
-            coats[lane] = &self.coated.bases[triangle.material as usize];
+            coats[lane] = &self.coated.bases[material];
             if (triangle.corners as usize) < self.corners.len() {
                 corners[lane] = &self.corners[triangle.corners as usize];
             }
+            let is_plain = self.coated.is_plain[mesh];
+            special.placed |= u32::from(!is_plain) << lane;
+            special.bends |= u32::from(self.materials[material].normal_map.is_some()) << lane;
         }
-        transpose_rows(simd, &triangles, &mut scratch.triangle);
-        transpose_rows(simd, &corners, &mut scratch.corners);
         transpose_rows(simd, &coats, &mut scratch.coats);
+        if special.placed == 0 {
+            transpose_rows(simd, &triangles, &mut scratch.triangle);
+            transpose_rows(simd, &corners, &mut scratch.corners);
+        } else {
+            self.read_placed(simd, hits, (triangles, corners), scratch, &mut special);
+        }
+        special
     }
+
+    /// Moves the triangles of placements that have transforms, and finds meshes with colors.
+    #[inline(never)] // keeps the common case short
+    fn read_placed(
+        &self,
+        simd: Simd,
+        hits: &CoatedHits,
+        (stored, corners): ([&Triangle; LANES], [&Corners; LANES]),
+        scratch: &mut CoatedScratch,
+        special: &mut Special,
+    ) {
+        let (mut triangles, mut moved) = (stored.map(|own| *own), corners.map(|own| *own));
+        for lane in lanes_of(special.placed) {
+            let placement = &self.placements[hits.mesh[lane] as usize];
+            let has_colors = !self.mesh(placement).colors.is_empty();
+            special.colored |= u32::from(has_colors) << lane;
+            let Some(transform) = &placement.transform else { continue };
+            triangles[lane] = placement.triangle(stored[lane], self.ray_offset);
+            moved[lane] = corners[lane].moved(transform, triangles[lane].normal);
+            let weights = transform.weights([hits.u[lane], hits.v[lane]]);
+            for (own, weight) in scratch.weights.iter_mut().zip(weights) {
+                own[lane] = weight;
+            }
+        }
+        transpose_rows(simd, &triangles.each_ref(), &mut scratch.triangle);
+        transpose_rows(simd, &moved.each_ref(), &mut scratch.corners);
+    }
+
+    /// Bends the normals of `lanes` by the maps of their materials, as [`Self::surface`] does.
+    #[inline(never)] // keeps the common case short
+    fn bend<const METAL: bool>(
+        &self,
+        hits: &CoatedHits,
+        lanes: u32,
+        directions: &Vec3s,
+        scratch: &CoatedScratch,
+        seen: &mut SeenSides,
+        at: &mut CoatedVertices<METAL>,
+    ) {
+        let (mut textures, mut data) = ([None; LANES], Vec3s::default());
+        for lane in lanes_of(lanes) {
+            let map = &self.materials[at.material[lane] as usize].normal_map;
+            textures[lane] = map.as_ref().map(|map| &*map.texture);
+        }
+        Texture::data_of(&textures, &seen.uv, &mut data);
+        for lane in lanes_of(lanes) {
+            let material = &self.materials[at.material[lane] as usize];
+            let Some(map) = &material.normal_map else { continue };
+            let triangle = &scratch.triangle;
+            if triangle.corners[lane] >= Triangle::PLACED {
+                continue;
+            }
+            let to_front = |normal: Vec3| if seen.front[lane] { normal } else { -normal };
+            let own = triangle.normal.get(lane);
+            let edges = [triangle.edge1.get(lane), triangle.edge2.get(lane)];
+            let corners = &scratch.corners;
+            let uvs = [corners.a, corners.b, corners.c].map(|[u, v]| Vec2::new(u[lane], v[lane]));
+            let Some(tangent) = self.tangent(&hits.get(lane), edges, uvs) else { continue };
+            let smooth = if at.is_bent[lane] { to_front(at.interpolated.get(lane)) } else { own };
+            let vector = Texture::vector_of(data.get(lane));
+            let Some(bent) = map.bend_by(vector, own, smooth, tangent) else { continue };
+            let bent = to_front(bent);
+            let direction = directions.get(lane);
+            // theory.md (33)
+            let lift = (GRAZING + bent.dot(direction)).max(0.0) * scratch.coats.has_coat(lane);
+            at.shading_normal.set(lane, (bent - lift * direction).normalize());
+            at.interpolated.set(lane, bent);
+            at.is_bent[lane] = true;
+            seen.restores[lane] = 1.0;
+        }
+    }
+
+    /// Replaces the parameters of surfaces whose coats may be metal by those at these texture
+    /// coordinates, where pictures and meshes have these colors.
+    #[inline(always)]
+    fn read_metals<const METAL: bool>(
+        &self,
+        simd: Simd,
+        (color, colored): (&Vec3s, u32),
+        uv: &[[f32; LANES]; 2],
+        count: usize,
+        (scratch, at): (&mut CoatedScratch, &CoatedVertices<METAL>),
+    ) {
+        let (mut textures, mut data) = ([None; LANES], Vec3s::splat(Vec3::ONE));
+        for (lane, own) in textures.iter_mut().enumerate().take(count) {
+            let material = &self.materials[at.material[lane] as usize];
+            if let Some(texture) = &material.metallic_roughness_texture {
+                *own = Some(&**texture);
+            }
+        }
+        if textures.iter().any(Option::is_some) {
+            Texture::data_of(&textures, uv, &mut data);
+        }
+        let mut metals = [self.coated.metals[0].1; LANES];
+        let mut coats = [CoatedBase::default(); LANES];
+        for lane in 0..count {
+            let number = at.material[lane] as usize;
+            let (glossy, row) = &self.coated.metals[number];
+            if !self.coated.varies[number] && colored >> lane & 1 == 0 {
+                (metals[lane], coats[lane]) = (*row, self.coated.bases[number]);
+                continue;
+            }
+            let data = data.get(lane);
+            let is_conductor = !matches!(self.materials[number].bsdf, Bsdf::Glossy(_));
+            // Pictures do not change conductors.
+            let scaled = glossy.scaled(color.get(lane), data.z, data.y);
+            let own = if is_conductor { *glossy } else { scaled };
+            (metals[lane], coats[lane]) = (MetalRow::of(&own), CoatedBase::of_facets(&own));
+        }
+        transpose_rows(simd, &metals.each_ref(), &mut scratch.metals);
+        transpose_rows(simd, &coats.each_ref(), &mut scratch.coats);
+    }
+}
+
+/// Lanes of hits that need more than their triangle, one bit each.
+#[derive(Clone, Copy, Debug, Default)]
+struct Special {
+    /// Their placement has a transform, or their mesh colors.
+    placed: u32,
+    /// Their mesh has colors.
+    colored: u32,
+    /// Their material has a normal map.
+    bends: u32,
 }
 
 /// Sides that are seen, as textures and BSDFs need them.
@@ -266,14 +440,14 @@ impl Default for SeenSides {
 impl CoatedScratch {
     /// Sets positions and normals of `at`.
     #[inline(always)]
-    fn seen_sides(
+    fn seen_sides<const METAL: bool>(
         &self,
         directions: &Vec3s,
         hits: &CoatedHits,
         count: usize,
-        at: &mut CoatedVertices,
+        at: &mut CoatedVertices<METAL>,
     ) -> SeenSides {
-        let Self { triangle, corners: corner, coats: coat } = self;
+        let Self { triangle, corners: corner, coats: coat, weights, .. } = self;
         let mut seen = SeenSides::default();
         for lane in 0..LANES {
             at.active[lane] = lane < count;
@@ -285,7 +459,7 @@ impl CoatedScratch {
             at.material[lane] = triangle.material[lane];
             let side = if seen.front[lane] { 1.0 } else { -1.0 };
             let normal = own * side;
-            let (u, v) = (hits.u[lane], hits.v[lane]);
+            let (u, v) = (weights[0][lane], weights[1][lane]);
             let (edge1, edge2) = (triangle.edge1.get(lane), triangle.edge2.get(lane));
             let position = triangle.origin.get(lane) + u * edge1 + v * edge2;
             at.position.set(lane, position);
@@ -324,152 +498,4 @@ impl CoatedScratch {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::accel::{Hit, Ray};
-    use crate::base::math::uniform_sphere;
-    use crate::base::rng::{Stream, StreamKey};
-    use crate::scene::bsdf::coats::LobeValues;
-    use crate::scene::bsdf::{FacetModel, Facets, LobeValue, Plastic, Transport};
-    use crate::scene::{Arrangement, Camera, FieldOfView, Surface};
-    use std::array::from_fn;
-
-    /// Meshes of two triangles: without normals, with those of an edge, and with those of a smooth
-    /// surface, each with and without textures and coats.
-    fn scene() -> Scene {
-        let texels = (0..12).map(|i| [20 * i, 255 - 9 * i, 7 * i, 255]).collect();
-        let texture = Arc::new(Texture::new(4, 3, texels));
-        let facets = Facets { model: FacetModel::Ggx, alpha: 0.1 };
-        let plastic = Plastic::new(Rgb::new(0.7, 0.2, 0.4), 1.5, facets, true);
-        let bsdfs = [Bsdf::diffuse(Rgb::splat(0.8)), Bsdf::Plastic(plastic)];
-        let materials = (0..4)
-            .map(|i| Material {
-                albedo_texture: (i > 1).then(|| Arc::clone(&texture)),
-                ..Material::new("any", bsdfs[i % 2])
-            })
-            .collect();
-        let mesh = |i: u32| Mesh {
-            positions: [[0, 0, 0], [2, 0, 1], [2, 1, 0], [0, 2, 1]]
-                .map(|[x, y, z]| Vec3::from([x, y, if i < 8 { z } else { 0 }].map(|c| c as f32)))
-                .map(|p| p + Vec3::splat(i as f32))
-                .to_vec(),
-            normals: match i / 4 {
-                0 => vec![],
-                1 => (1..5).map(|k| Vec3::new(0.3, -0.9, 0.4 * k as f32).normalize()).collect(),
-                _ => (1..5).map(|k| Vec3::new(0.05 * k as f32, -0.1, 1.0).normalize()).collect(),
-            },
-            uvs: (0..4).map(|k| glam::Vec2::new(0.9 * k as f32, 0.3 * k as f32)).collect(),
-            triangles: vec![[0, 1, 2], [2, 3, 0]],
-            material: i % 4,
-            ..Mesh::default()
-        };
-        let arrangement = Arrangement::from((0..12).map(mesh).collect::<Vec<_>>());
-        let camera = Camera::look(Vec3::Z, -Vec3::Z, Vec3::Y, FieldOfView::X(60.0)).unwrap();
-        Scene::new("any".into(), arrangement, materials, vec![], camera, vec![]).unwrap()
-    }
-
-    #[test]
-    fn surfaces_of_sixteen_are_those_of_one() {
-        let scene = scene();
-        let mut rng = StreamKey::new(6, Stream::Test, 0).rng(0);
-        let (mut scratch, mut at) = <(CoatedScratch, CoatedVertices)>::default();
-        let simd = Simd::default();
-        for _ in 0..300 {
-            let mut hits = HitPacket::default();
-            let (origins, mut directions) = <(Vec3s, Vec3s)>::default();
-            for lane in 0..LANES {
-                let [u, v] = rng.next_2d();
-                let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-                let (mesh, triangle) = (rng.next_u32() % 12, rng.next_u32() % 2);
-                // So far away that the rays do not refine the points.
-                hits.set(lane, &Hit { t: 1e3, u, v, mesh, triangle });
-                directions.set(lane, uniform_sphere(rng.next_2d()));
-            }
-            assert_eq!(scene.plain_placements(&hits, 0xffff), 0xffff);
-            let HitPacket { mesh, triangle, u, v, t } = hits;
-            let own = CoatedHits { mesh, triangle, u, v, t };
-            let count = 1 + (rng.next_u32() % 16) as usize;
-            scene.coated_vertices(
-                simd,
-                [&origins, &directions],
-                &own,
-                count,
-                &mut scratch,
-                &mut at,
-            );
-            let mut wi = Vec3s::default();
-            let surfaces: [_; LANES] = from_fn(|lane| {
-                let ray = Ray::new(Vec3::ZERO, directions.get(lane));
-                scene.surface(&ray, &hits.get(lane))
-            });
-            for (lane, surface) in surfaces.iter().enumerate() {
-                wi.set(lane, (surface.normal + 0.8 * uniform_sphere(rng.next_2d())).normalize());
-            }
-            let (wide, _) = at.bsdf.lobes(&wi);
-            let reversed = at.seen_by_light(&wi);
-            let (back, _) = reversed.lobes(at.bsdf.wo());
-            for (lane, surface) in surfaces.iter().enumerate() {
-                assert_eq!(at.active[lane], lane < count);
-                if lane < count {
-                    assert_surface(&scene, &at, lane, surface, wi.get(lane));
-                    let expected =
-                        surface.bsdf.lobes(&surface.vertex(Transport::Radiance), wi.get(lane));
-                    assert_lobe(&wide, lane, &expected[0]);
-                    let from_light = surface.vertex_from(wi.get(lane), Transport::Flux);
-                    let expected = surface.bsdf.lobes(&from_light, surface.wo);
-                    assert_lobe(&back, lane, &expected[0]);
-                    let off = reversed.pass_prob(lane) - surface.bsdf.pass_prob(&from_light);
-                    assert!(off.abs() < 1e-4, "{off}");
-                }
-            }
-        }
-    }
-
-    fn assert_surface(
-        scene: &Scene,
-        at: &CoatedVertices,
-        lane: usize,
-        surface: &Surface,
-        wi: Vec3,
-    ) {
-        let vertex = surface.vertex(Transport::Radiance);
-        for (own, expected) in [
-            (&at.position, surface.position),
-            (&at.normal, surface.normal),
-            (&at.off_surface, surface.off_surface),
-            (&at.shading_normal, vertex.normal),
-        ] {
-            let off = (own.get(lane) - expected).length();
-            assert!(off < 2e-6 * (1.0 + expected.length()), "{off}");
-        }
-        assert_eq!(at.is_bent[lane], surface.interpolated.is_some());
-        assert_eq!(at.facet(lane), surface.facet);
-        assert_eq!(at.vertex(lane).front, vertex.front);
-        assert_eq!(at.agrees(lane, wi), surface.agrees(&vertex, wi));
-        let bsdf = scene.coated_bsdf(at, lane);
-        assert_eq!(bsdf.spread(), surface.bsdf.spread());
-        let off = bsdf.color(true) - surface.bsdf.color(true);
-        assert!(off.length() < 1e-6, "{off}");
-    }
-
-    fn assert_lobe(found: &LobeValues, lane: usize, expected: &LobeValue) {
-        let off = (found.value.get(lane) - expected.value).length();
-        assert!(off < 1e-4 * expected.value.length() + 1e-6, "{off} {expected:?}");
-        let off = (found.pdf_w[lane] - expected.pdf_w).abs();
-        assert!(off < 1e-4 * expected.pdf_w + 1e-6, "{off} {expected:?}");
-    }
-
-    #[test]
-    fn colored_and_moved_meshes_are_not_plain() {
-        let scene = scene();
-        let [placement, mesh] = [0, 0];
-        let (placement, mesh) = (scene.placements[placement], &scene.meshes[mesh]);
-        assert!(is_plain(&placement, mesh));
-        let colored = Mesh { colors: vec![Rgb::ONE; 4], ..mesh.clone() };
-        assert!(!is_plain(&placement, &colored));
-        let emits = Material { emission: Rgb::ONE, ..scene.materials[0].clone() };
-        assert_eq!(coated_base(&emits).flags & CoatedBase::IS_BASE, 0);
-        let mirror = Material::new("mirror", Bsdf::Mirror { reflectance: Rgb::ONE });
-        assert_eq!(coated_base(&mirror).flags & CoatedBase::IS_BASE, 0);
-    }
-}
+mod tests;

@@ -24,8 +24,10 @@ pub struct NotLambertian {
     pub missed: u32,
     /// Rays that hit another surface.
     pub others: u32,
-    /// Those of `others` that hit materials of [`Scene::coated_vertices`].
+    /// Those of `others` that hit materials of [`Scene::coated_vertices`] whose coats are no metal.
     pub coated: u32,
+    /// Those whose coats may be metal.
+    pub metals: u32,
 }
 
 /// Scratch memory for the data of surfaces that are hit.
@@ -137,14 +139,15 @@ impl Scene {
         transpose_rows(simd, &materials, material);
         at.mesh = hits.mesh;
         let mut emits = Mask::default();
-        let mut is_coated = Mask::default();
+        let [mut is_coated, mut is_metal] = [Mask::default(); 2];
         for lane in 0..LANES {
             let is_flat = triangle.corners[lane] == Triangle::FLAT;
             let flags = material.flags[lane];
             let is_lambertian = is_hit[lane] & is_flat & (flags & Lambertian::IS_LAMBERTIAN != 0);
             at.active[lane] = is_lambertian;
-            is_coated[lane] =
-                is_hit[lane] & !is_lambertian & (flags & Lambertian::IS_COATED_BASE != 0);
+            let is_other = is_hit[lane] & !is_lambertian;
+            is_coated[lane] = is_other & (flags & Lambertian::IS_COATED_BASE != 0);
+            is_metal[lane] = is_other & (flags & Lambertian::IS_METAL != 0);
             emits[lane] = is_lambertian & (flags & Lambertian::EMITS != 0);
             // The arithmetic of `Triangle::point` and `shade`.
             let front = triangle.normal.get(lane).dot(rays[1].get(lane)) <= 0.0;
@@ -165,7 +168,8 @@ impl Scene {
         }
         let (is_hit, lambertian) = (bits(&is_hit), bits(&at.active));
         let missed = !is_hit & ((1 << count) - 1);
-        NotLambertian { missed, others: is_hit & !lambertian, coated: bits(&is_coated) }
+        let (coated, metals) = (bits(&is_coated), bits(&is_metal));
+        NotLambertian { missed, others: is_hit & !lambertian, coated, metals }
     }
 
     /// Sets the emission of the lanes of `emits`.
@@ -261,7 +265,8 @@ impl Scene {
         let uv = interpolate(*uvs, at);
         let is_anisotropic = material.bsdf.is_anisotropic();
         let has_tangent = is_anisotropic || material.normal_map.is_some();
-        let tangent = has_tangent.then(|| self.tangent(hit, triangle, *uvs)).flatten();
+        let edges = [triangle.edge1, triangle.edge2];
+        let tangent = has_tangent.then(|| self.tangent(hit, edges, *uvs)).flatten();
         let bent = material.normal_map.as_ref().and_then(|map| {
             map.bend(uv, triangle.normal, interpolated.unwrap_or(triangle.normal), tangent?)
         });
@@ -273,10 +278,10 @@ impl Scene {
         Surface { interpolated, bsdf, uv: Some(uv), tangent, ..flat }
     }
 
-    /// Direction of growing texture coordinates at a hit: that of the mesh if it has tangents, else
-    /// that of `uvs`.
-    fn tangent(&self, hit: &Hit, triangle: &Triangle, uvs: [Vec2; 3]) -> Option<Tangent> {
-        let own = Tangent::new([triangle.edge1, triangle.edge2], uvs)?;
+    /// Direction of growing texture coordinates at a hit of a triangle with these edges: that of the
+    /// mesh if it has tangents, else that of `uvs`.
+    pub(super) fn tangent(&self, hit: &Hit, edges: [Vec3; 2], uvs: [Vec2; 3]) -> Option<Tangent> {
+        let own = Tangent::new(edges, uvs)?;
         let placement = &self.placements[hit.mesh as usize];
         let mesh = self.mesh(placement);
         if mesh.tangents.is_empty() {
@@ -292,7 +297,7 @@ impl Scene {
     }
 
     /// Factor of the albedo from the mesh's vertex colors at a hit.
-    fn color(&self, hit: &Hit) -> Option<Rgb> {
+    pub(super) fn color(&self, hit: &Hit) -> Option<Rgb> {
         let mesh = self.mesh(&self.placements[hit.mesh as usize]);
         (!mesh.colors.is_empty()).then(|| {
             let corners = mesh.triangles[hit.triangle as usize].map(|i| mesh.colors[i as usize]);
@@ -323,7 +328,7 @@ impl Corners {
 pub(super) struct Lambertian {
     albedo: Rgb,
     /// Properties of the material, one bit each; without [`Self::IS_LAMBERTIAN`], all but
-    /// [`Self::IS_COATED_BASE`] mean nothing.
+    /// [`Self::IS_COATED_BASE`] and [`Self::IS_METAL`] mean nothing.
     flags: u32,
 }
 
@@ -332,12 +337,19 @@ impl Lambertian {
     const TWO_SIDED: u32 = 2;
     const EMITS: u32 = 4;
     /// [`coated_base`](super::coated_hits::coated_base) has the material, whether it is Lambertian
-    /// or not.
+    /// or not, and its coat is no metal.
     const IS_COATED_BASE: u32 = 8;
+    /// The same for coats that may be metal.
+    const IS_METAL: u32 = 16;
 
     pub fn of(material: &Material) -> Self {
-        let is_base = coated_base(material).flags & CoatedBase::IS_BASE != 0;
-        let base = Self { flags: Self::IS_COATED_BASE * u32::from(is_base), ..Self::default() };
+        let base = coated_base(material).flags;
+        let flags = match (base & CoatedBase::IS_BASE != 0, base & CoatedBase::IS_METAL != 0) {
+            (false, _) => 0,
+            (true, false) => Self::IS_COATED_BASE,
+            (true, true) => Self::IS_METAL,
+        };
+        let base = Self { flags, ..Self::default() };
         let Bsdf::Lambertian { albedo, two_sided } = material.bsdf else { return base };
         // Its emission depends on the direction.
         if material.luminous_opening.is_some() {

@@ -37,7 +37,7 @@ pub use crate::base::dispersion::{self, Dispersion, RefractiveIndex};
 pub use crate::settings::{Region, check_rectangles};
 pub use alpha_mask::AlphaMask;
 pub use camera::{Camera, Extent, FieldOfView, FisheyeProjection, Optics, View};
-pub use hit::HitScratch;
+pub use hit::{HitScratch, NotLambertian};
 pub use light_source::LightSource;
 pub use lights::emitter::{Directional, Emitter, Falloff, Spot};
 pub use lights::environment::{Environment, Inset, InsetGrid};

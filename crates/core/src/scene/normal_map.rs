@@ -47,9 +47,19 @@ impl NormalMap {
         uv: Vec2,
         flat: Vec3,
         normal: Vec3,
+        tangent: Tangent,
+    ) -> Option<Vec3> {
+        self.bend_by(self.texture.vector(uv), flat, normal, tangent)
+    }
+
+    /// [`Self::bend`] where the texture has this vector.
+    pub(super) fn bend_by(
+        &self,
+        vector: Vec3,
+        flat: Vec3,
+        normal: Vec3,
         Tangent { along_u, turn }: Tangent,
     ) -> Option<Vec3> {
-        let vector = self.texture.vector(uv);
         let [right, up] = [vector.x * self.scale, vector.y * self.scale];
         if right == 0.0 && up == 0.0 {
             return None;

@@ -130,6 +130,10 @@ static SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
     })
 });
 
+/// Stored numbers of codes, in [0, 1].
+static STORED: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|code| code as f32 / 255.0));
+
 impl Texture {
     /// A repeated, interpolated texture of `width` times `height` texels: red, green, blue and
     /// opacity, rows from the top.
@@ -212,7 +216,12 @@ impl Texture {
     /// The vector at `uv` of a normal map, of any length: right, up, and off the surface. Code 128
     /// is 0, the convention of programs that write maps; 127.5 would tilt flat maps by 0.2 degrees.
     pub fn vector(&self, uv: Vec2) -> Vec3 {
-        (self.data(uv) * 255.0 - 128.0) / 127.0
+        Self::vector_of(self.data(uv))
+    }
+
+    /// [`Self::vector`] of these stored numbers.
+    pub(super) fn vector_of(data: Vec3) -> Vec3 {
+        (data * 255.0 - 128.0) / 127.0
     }
 
     /// Opacity at `uv`, in [0, 1]: the alpha channel if the texture has one, else the mean of the
@@ -225,14 +234,35 @@ impl Texture {
         self.filtered(uv, value).x
     }
 
-    /// Linear colors at coordinates of sixteen textures in sRGB; white without a texture. Waiting
-    /// for the texels of all together costs little more than waiting for those of one. (Closures
-    /// and methods that are not always inlined would be calls here.)
+    /// Linear colors at coordinates of sixteen textures in sRGB; white without a texture.
     #[inline(always)] // part of the loop over vertices
     pub(super) fn colors(
         textures: &[Option<&Self>; LANES],
         uv: &[[f32; LANES]; 2],
         colors: &mut Vec3s,
+    ) {
+        Self::values(textures, uv, &SRGB, colors);
+    }
+
+    /// Numbers as stored, in [0, 1], at coordinates of sixteen textures; 1 without a texture.
+    #[inline(never)] // few
+    pub(super) fn data_of(
+        textures: &[Option<&Self>; LANES],
+        uv: &[[f32; LANES]; 2],
+        data: &mut Vec3s,
+    ) {
+        Self::values(textures, uv, &STORED, data);
+    }
+
+    /// Values at coordinates of sixteen textures, by a table of the codes. Waiting for the texels
+    /// of all together costs little more than waiting for those of one. (Closures and methods that
+    /// are not always inlined would be calls here.)
+    #[inline(always)]
+    fn values(
+        textures: &[Option<&Self>; LANES],
+        uv: &[[f32; LANES]; 2],
+        table: &[f32; 256],
+        values: &mut Vec3s,
     ) {
         let mut size = [[1_i32; LANES]; 2];
         let mut wrap = [[0_u32; LANES]; 2];
@@ -267,17 +297,16 @@ impl Texture {
             let below = &texture.texels[bottom * texture.width as usize..];
             codes[lane] = [above[left], above[right], below[left], below[right]];
         }
-        let table = &*SRGB;
         for lane in 0..LANES {
             let [x, y] = [between[0][lane], between[1][lane]];
             let shares = [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y];
-            let mut sum = Rgb::ZERO;
+            let mut sum = Vec3::ZERO;
             for corner in 0..4 {
                 let [r, g, b, _] = codes[lane][corner];
-                let linear = Rgb::new(table[r as usize], table[g as usize], table[b as usize]);
-                sum += shares[corner] * linear;
+                let value = Vec3::new(table[r as usize], table[g as usize], table[b as usize]);
+                sum += shares[corner] * value;
             }
-            colors.set(lane, sum);
+            values.set(lane, sum);
         }
     }
 

@@ -1,7 +1,7 @@
 //! Diffuse bases under coats in the layout that hits read.
 
 use super::plastic::{COEFFICIENTS, coefficients};
-use super::{Bsdf, FacetModel, Facets, Glossy, Plastic};
+use super::{Bsdf, Conductor, FacetModel, Facets, Glossy, Plastic, Reflectance};
 use crate::base::math::Rgb;
 use bytemuck::{Pod, Zeroable};
 
@@ -37,6 +37,12 @@ impl CoatedBase {
     pub(super) const IS_CORRELATED: u32 = 16;
     /// The coat reflects by Schlick's approximation: [`Glossy`].
     pub(super) const IS_SCHLICK: u32 = 32;
+    /// The coat may be a metal, and parameters may vary over the surface: they are those of
+    /// [`metal_of`], and follow in [`MetalRow`]s.
+    pub const IS_METAL: u32 = 64;
+    /// Flags of all [`Glossy`] surfaces.
+    const GLOSSY: u32 =
+        Self::IS_BASE | Self::HAS_COAT | Self::TWO_SIDED | Self::IS_CORRELATED | Self::IS_SCHLICK;
 
     /// The base of a BSDF; without [`Self::IS_BASE`] if it is of another kind.
     pub fn of(bsdf: &Bsdf) -> Self {
@@ -48,11 +54,10 @@ impl CoatedBase {
                 Self::of_plastic(&Plastic::new(coated.albedo(), coated.eta(), smooth, true))
             }
             Bsdf::Glossy(glossy) if glossy.metallic() == 0.0 => Self::of_glossy(glossy),
-            Bsdf::Glossy(_)
-            | Bsdf::Mirror { .. }
+            Bsdf::Glossy(_) | Bsdf::Conductor(_) => Self::of_metal(bsdf),
+            Bsdf::Mirror { .. }
             | Bsdf::Dielectric(_)
             | Bsdf::ThinDielectric(_)
-            | Bsdf::Conductor(_)
             | Bsdf::RoughDielectric(_)
             | Bsdf::Principled(_)
             | Bsdf::DiffuseTransmission(_)
@@ -91,18 +96,79 @@ impl CoatedBase {
 
     /// A glossy surface without metal.
     fn of_glossy(glossy: &Glossy) -> Self {
-        let flags = Self::IS_BASE | Self::HAS_COAT | Self::TWO_SIDED;
+        let transmittance = coefficients(|cos| glossy.enters(cos));
+        Self { flags: Self::GLOSSY, transmittance, ..Self::of_facets(glossy) }
+    }
+
+    /// A surface whose facets may be metal; without [`Self::IS_BASE`] if [`metal_of`] has none.
+    pub fn of_metal(bsdf: &Bsdf) -> Self {
+        match metal_of(bsdf) {
+            Some(glossy) => Self::of_facets(&glossy),
+            None => Self::default(),
+        }
+    }
+
+    /// A glossy surface; what enters its base is looked up.
+    pub fn of_facets(glossy: &Glossy) -> Self {
         let mean_transmittance = glossy.mean_enters();
         Self {
             albedo: glossy.albedo(),
-            flags: flags | Self::IS_CORRELATED | Self::IS_SCHLICK,
+            flags: Self::GLOSSY | Self::IS_METAL,
             tint: Rgb::ONE,
             eta: glossy.normal_reflectance(),
             alpha: glossy.alpha(),
             mean_transmittance,
             inside: 1.0 - mean_transmittance,
             saturates: 0.0,
-            transmittance: coefficients(|cos| glossy.enters(cos)),
+            transmittance: [0.0; COEFFICIENTS],
         }
+    }
+}
+
+/// A surface as facets over a base, if it is glossy or a metal that reflects by Schlick's
+/// approximation and scatters light between its facets.
+pub(in crate::scene) fn metal_of(bsdf: &Bsdf) -> Option<Glossy> {
+    match bsdf {
+        Bsdf::Glossy(glossy) => Some(*glossy),
+        Bsdf::Conductor(conductor) => of_conductor(conductor),
+        Bsdf::Lambertian { .. }
+        | Bsdf::Mirror { .. }
+        | Bsdf::Dielectric(_)
+        | Bsdf::ThinDielectric(_)
+        | Bsdf::RoughDielectric(_)
+        | Bsdf::Coated(_)
+        | Bsdf::Plastic(_)
+        | Bsdf::Principled(_)
+        | Bsdf::DiffuseTransmission(_)
+        | Bsdf::Klems(_) => None,
+    }
+}
+
+fn of_conductor(conductor: &Conductor) -> Option<Glossy> {
+    match (conductor.reflectance(), conductor.single()) {
+        (Reflectance::Artist { normal }, None) => {
+            Some(Glossy::new(normal, 1.0, 1.0, conductor.alpha()))
+        }
+        (Reflectance::Measured { .. }, _) | (_, Some(_)) => None,
+    }
+}
+
+/// What facets that may be metal have beyond a [`CoatedBase`].
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C, align(16))]
+pub(in crate::scene) struct MetalRow {
+    /// Reflectance of the mixture at normal incidence.
+    mixed: Rgb,
+    /// Share of the metal.
+    metallic: f32,
+    /// Multiple scattering of the metal over both shares that are lost, 1/sr.
+    multiple: Rgb,
+    unused: f32,
+}
+
+impl MetalRow {
+    pub fn of(glossy: &Glossy) -> Self {
+        let (mixed, multiple) = (glossy.mixed_normal(), glossy.multiple());
+        Self { mixed, metallic: glossy.metallic(), multiple, unused: 0.0 }
     }
 }

@@ -1,42 +1,32 @@
 //! Diffuse bases under coats, sixteen at a time: surfaces that are Lambertian,
-//! [`Plastic`](super::Plastic), [`Coated`](super::Coated), or [`Glossy`](super::Glossy) without
-//! metal.
+//! [`Plastic`](super::Plastic), [`Coated`](super::Coated) or [`Glossy`](super::Glossy), and metals
+//! that [`metal_of`](super::coated_base::metal_of) has.
+//!
+//! The constant parameter `METAL` tells whether coats may be metal: their reflectance has a color,
+//! and the light that single scattering loses leaves as a wide lobe. Other coats are compiled
+//! without both.
 //!
 //! The formulas are those of `layers`, `plastic`, `glossy` and `facets`. Directions are in scene
 //! space: facets of coats are isotropic, so that cosines and distances from the normal say
 //! everything. Loops over lanes have neither calls nor branches, so that they become vector
 //! instructions.
 
+use super::coat_columns::{CoatedBases, Metals, across2};
 use super::coated_base::CoatedBase;
 use super::facets::{FacetModel, Facets};
 use super::ggx::reflect;
-use super::plastic::COEFFICIENTS;
-use super::{DIFFUSE_ALPHA, fresnel};
-use crate::base::math::{Frame, Rgb, cosine_hemisphere, exp_minus};
+use super::{DIFFUSE_ALPHA, Glossy, fresnel};
+use crate::base::math::{Frame, Rgb, cosine_hemisphere};
 use crate::simd::{LANES, Mask, Vec3s, bits, lanes_of};
-use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use std::f32::consts::{FRAC_1_PI, PI};
 
-/// Sixteen [`CoatedBase`]s, column by column.
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C, align(64))]
-pub(in crate::scene) struct CoatedBases {
-    albedo: Vec3s,
-    flags: [u32; LANES],
-    tint: Vec3s,
-    eta: [f32; LANES],
-    alpha: [f32; LANES],
-    mean_transmittance: [f32; LANES],
-    inside: [f32; LANES],
-    saturates: [f32; LANES],
-    transmittance: [[f32; LANES]; COEFFICIENTS],
-}
-
 /// Sixteen surfaces of coats over bases, each seen from a direction.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct SeenCoats {
+pub struct SeenCoats<const METAL: bool> {
     coats: CoatedBases,
+    /// Without meaning unless coats may be metal.
+    metals: Metals,
     /// Albedos of the bases; black at sides that do not reflect.
     pub albedo: Vec3s,
     /// Value of the base over both transmittances, 1/sr.
@@ -50,6 +40,8 @@ pub struct SeenCoats {
     enters: [f32; LANES],
     /// Probability of the coat's lobe; 0 without a coat.
     coat_prob: [f32; LANES],
+    /// Share of the light from there that single scattering of a white metal loses.
+    lost: [f32; LANES],
 }
 
 /// Values of both lobes over their colors, 1/sr, and densities of sampling them, 1/sr. All are 0
@@ -58,8 +50,14 @@ pub struct SeenCoats {
 struct LobeScales {
     base: [f32; LANES],
     base_pdf_w: [f32; LANES],
+    /// Value over the tint. If coats may be metal, the value of single scattering by facets that
+    /// reflect all light.
     coat: [f32; LANES],
     coat_pdf_w: [f32; LANES],
+    /// `(1 - cos)^5` at the facet, if coats may be metal, as the next.
+    grazing: [f32; LANES],
+    /// Both shares that single scattering loses.
+    lost: [f32; LANES],
 }
 
 /// Lobes of one class of sixteen surfaces; see [`LobeValue`](super::LobeValue).
@@ -92,94 +90,28 @@ pub struct CoatSamples {
     pub base_share: [f32; LANES],
 }
 
-impl CoatedBases {
-    /// 1 if the surface of a lane has a coat, else 0.
-    #[inline(always)] // as all functions here: parts of the loop over vertices
-    pub fn has_coat(&self, lane: usize) -> f32 {
-        if self.has(CoatedBase::HAS_COAT, lane) { 1.0 } else { 0.0 }
-    }
-
-    #[inline(always)]
-    fn has(&self, flag: u32, lane: usize) -> bool {
-        self.flags[lane] & flag != 0
-    }
-
-    /// Reflected share of a facet that is seen at this cosine.
-    #[inline(always)]
-    fn reflectance(&self, lane: usize, cos: f32) -> f32 {
-        let eta = self.eta[lane];
-        let grazing = (1.0 - cos).max(0.0);
-        let grazing2 = grazing * grazing;
-        let schlick = eta + (1.0 - eta) * (grazing2 * grazing2 * grazing);
-        let dielectric = fresnel::dielectric(cos, eta).0;
-        if self.has(CoatedBase::IS_SCHLICK, lane) { schlick } else { dielectric }
-    }
-
-    /// Share of the light from the cosine `cos` that enters the coat.
-    #[inline(always)]
-    fn transmittance(&self, lane: usize, cos: f32) -> f32 {
-        let smooth = 1.0 - self.reflectance(lane, cos);
-        let t = &self.transmittance;
-        let x = 2.0 * cos - 1.0;
-        let x2 = x * x;
-        let x4 = x2 * x2;
-        let low = (t[0][lane] + t[1][lane] * x) + (t[2][lane] + t[3][lane] * x) * x2;
-        let middle = (t[4][lane] + t[5][lane] * x) + (t[6][lane] + t[7][lane] * x) * x2;
-        let high = (t[8][lane] + t[9][lane] * x) + (t[10][lane] + t[11][lane] * x) * x2;
-        let rough = (low + (middle + high * x4) * x4).clamp(0.0, 1.0);
-        if self.alpha[lane] == 0.0 { smooth } else { rough }
-    }
-
-    /// The facets' hidden over visible share from a direction of this cosine, whose distance from
-    /// the normal has this square.
-    #[inline(always)]
-    fn lambda(&self, lane: usize, cos: f32, across2: f32) -> f32 {
-        let alpha = self.alpha[lane];
-        let tan2 = across2 / (cos * cos);
-        let ggx = 0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0);
-        // Slope of the direction over the width; the lambda is 0 within rounding from 10 on.
-        let a = (cos.abs() / (alpha * across2.sqrt()).max(1e-30)).clamp(1e-6, 10.0);
-        // The error function as in `beckmann.rs`, which has its source.
-        let t = (1.0 + 0.327_591_1 * a).recip();
-        let series = ((((1.061_405_4 * t - 1.453_152) * t + 1.421_413_7) * t - 0.284_496_74) * t
-            + 0.254_829_6)
-            * t;
-        let root = PI.sqrt();
-        let beckmann = (0.5 * exp_minus(a * a) * ((a * root).recip() - series)).max(0.0);
-        if self.has(CoatedBase::IS_BECKMANN, lane) { beckmann } else { ggx }
-    }
-
-    /// Density of the facets' normals of this cosine over the surface, 1/sr.
-    #[inline(always)]
-    fn density(&self, lane: usize, cos: f32, across2: f32) -> f32 {
-        let alpha2 = self.alpha[lane] * self.alpha[lane];
-        let cos2 = cos * cos;
-        let stretched = across2 / alpha2 + cos2;
-        let ggx = (PI * alpha2 * stretched * stretched).recip();
-        let beckmann = exp_minus(across2 / (cos2 * alpha2)) / (PI * alpha2 * cos2 * cos2);
-        let beckmann = if cos > 0.0 { beckmann } else { 0.0 };
-        if self.has(CoatedBase::IS_BECKMANN, lane) { beckmann } else { ggx }
-    }
-}
-
-/// Square of the distance of a unit vector from a normal to which it has this cosine.
-#[inline(always)]
-fn across2(w: Vec3, normal: Vec3, cos: f32) -> f32 {
-    (w - normal * cos).length_squared()
-}
-
-impl SeenCoats {
-    /// Surfaces seen from `wo` by their shading normals. `color` is a factor of the albedos, and
-    /// `front` the side that is seen.
+impl<const METAL: bool> SeenCoats<METAL> {
+    /// Surfaces seen from `wo` by their shading normals. `color` is a factor of the albedos of
+    /// coats that are no metal, and `front` the side that is seen.
     #[inline(always)]
     pub(in crate::scene) fn new(
-        coats: &CoatedBases,
+        (coats, metals): (&CoatedBases, &Metals),
         color: &Vec3s,
         front: &Mask,
         normal: &Vec3s,
         wo: &Vec3s,
     ) -> Self {
         let mut seen = Self { coats: *coats, ..Self::default() };
+        if METAL {
+            seen.metals = *metals;
+            for lane in 0..LANES {
+                let (albedo, metallic) = (coats.albedo.get(lane), metals.metallic[lane]);
+                let share = (1.0 - metallic) * FRAC_1_PI / coats.mean_transmittance[lane];
+                seen.albedo.set(lane, albedo);
+                seen.base.set(lane, albedo * share);
+            }
+            return seen.seen_from(normal, wo);
+        }
         for (lane, front) in front.iter().enumerate() {
             let reflects = front | coats.has(CoatedBase::TWO_SIDED, lane);
             let side = if reflects { 1.0 } else { 0.0 };
@@ -200,15 +132,20 @@ impl SeenCoats {
     pub fn seen_from(&self, normal: &Vec3s, wo: &Vec3s) -> Self {
         let mut seen = Self { normal: *normal, wo: *wo, ..*self };
         for lane in 0..LANES {
-            let cos = normal.get(lane).dot(wo.get(lane));
-            let enters = self.coats.transmittance(lane, cos);
-            let coat = (1.0 - enters) * self.coats.tint.get(lane).max_element();
+            seen.cos[lane] = normal.get(lane).dot(wo.get(lane));
+        }
+        let shares = self.coats.shares::<METAL>(&self.metals, &seen.cos);
+        (seen.enters, seen.lost) = (shares.enters, shares.lost);
+        for lane in 0..LANES {
+            let mut coat = shares.reflected[lane];
+            if METAL {
+                coat += self.metals.metallic[lane] * shares.lost[lane];
+            }
             let base = self.base.get(lane).max_element();
-            let below = PI * base * enters * self.coats.mean_transmittance[lane];
-            let prob = if below > 0.0 { (coat / (coat + below)).min(1.0 - 1e-3) } else { 1.0 };
+            let below = PI * base * shares.enters[lane] * self.coats.mean_transmittance[lane];
+            let most = if METAL { 1.0 } else { 1.0 - 1e-3 };
+            let prob = if below > 0.0 { (coat / (coat + below)).min(most) } else { 1.0 };
             let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
-            seen.cos[lane] = cos;
-            seen.enters[lane] = enters;
             seen.coat_prob[lane] = if has_coat { prob } else { 0.0 };
         }
         seen
@@ -224,13 +161,25 @@ impl SeenCoats {
     #[inline(always)]
     pub fn merges(&self, lane: usize) -> bool {
         let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
-        !has_coat | !self.is_narrow(lane) | (self.albedo.get(lane).max_element() > 0.0)
+        !has_coat | !self.is_narrow(lane) | self.has_base(lane)
     }
 
-    /// The surface of a lane only mirrors: a smooth coat over a black base.
+    /// The base of a lane reflects light.
+    #[inline(always)]
+    fn has_base(&self, lane: usize) -> bool {
+        self.base.get(lane).max_element() > 0.0
+    }
+
+    /// The surface of a lane only mirrors: a smooth coat without a base.
     pub fn is_mirror(&self, lane: usize) -> bool {
         let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
-        has_coat && self.coats.alpha[lane] == 0.0 && self.albedo.get(lane) == Rgb::ZERO
+        has_coat && self.coats.alpha[lane] == 0.0 && !self.has_base(lane)
+    }
+
+    /// The surface of a lane whose coat may be metal.
+    pub(in crate::scene) fn glossy(&self, lane: usize) -> Glossy {
+        let of = (self.albedo.get(lane), self.metals.metallic[lane]);
+        Glossy::of_parts(of, self.coats.eta[lane], self.coats.alpha[lane])
     }
 
     /// Unit vectors toward the viewers.
@@ -268,21 +217,44 @@ impl SeenCoats {
         self.coats.alpha[lane] < DIFFUSE_ALPHA
     }
 
+    /// Probability that the coat of a lane, where it is sampled, scatters light between its facets.
+    #[inline(always)]
+    fn again(&self, lane: usize) -> f32 {
+        self.metals.metallic[lane] * self.lost[lane]
+    }
+
+    /// Value of the coat of a lane, 1/sr.
+    #[inline(always)]
+    fn coat_value(&self, lane: usize, scales: &LobeScales) -> Rgb {
+        if !METAL {
+            return self.coats.tint.get(lane) * scales.coat[lane];
+        }
+        // theory.md (26), (32)
+        let mixed = self.metals.mixed.get(lane);
+        let reflected = mixed + (Rgb::ONE - mixed) * scales.grazing[lane];
+        reflected * scales.coat[lane] + self.metals.multiple.get(lane) * scales.lost[lane]
+    }
+
     #[inline(always)]
     fn scales(&self, wi: &Vec3s) -> LobeScales {
         let mut scales = LobeScales::default();
+        let mut cos = [0.0; LANES];
+        for (lane, cos) in cos.iter_mut().enumerate() {
+            *cos = self.normal.get(lane).dot(wi.get(lane));
+        }
+        let shares = self.coats.shares::<METAL>(&self.metals, &cos);
         for lane in 0..LANES {
             let (normal, wo, wi) = (self.normal.get(lane), self.wo.get(lane), wi.get(lane));
-            let (cos_o, cos_i) = (self.cos[lane], normal.dot(wi));
+            let (cos_o, cos_i) = (self.cos[lane], cos[lane]);
             let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
             // A Lambertian surface does not depend on the direction that it is seen from. It has no
             // lobe where it is black: paths end at backs that do not reflect.
-            let reflects = self.base.get(lane).max_element() > 0.0;
+            let reflects = self.has_base(lane);
             let is_seen = (has_coat & (cos_o > 0.0)) | (!has_coat & reflects);
             let is_above = (cos_i > 0.0) & is_seen;
             let above = if is_above { 1.0 } else { 0.0 };
             let prob = self.coat_prob[lane];
-            let leaves = self.coats.transmittance(lane, cos_i);
+            let leaves = shares.enters[lane];
             // Below the surface, Fresnel's formulas have a pole.
             scales.base[lane] = if is_above { self.enters[lane] * leaves } else { 0.0 };
             scales.base_pdf_w[lane] = above * (1.0 - prob) * cos_i.max(0.0) * FRAC_1_PI;
@@ -298,8 +270,22 @@ impl SeenCoats {
             let g2 = if is_correlated { 1.0 + lambda_o + lambda_i } else { apart }.recip();
             let d = density / (4.0 * cos_o);
             let is_lobe = is_above & has_coat & (self.coats.alpha[lane] > 0.0);
-            let coat = self.coats.reflectance(lane, wo.dot(m)) * d * g2 / cos_i;
-            let pdf_w = prob * d / (1.0 + lambda_o);
+            let once = d * g2 / cos_i;
+            let pdf_w = d / (1.0 + lambda_o);
+            if METAL {
+                let again = self.again(lane);
+                let pdf_w = (1.0 - again) * pdf_w + again * cos_i * FRAC_1_PI;
+                scales.coat[lane] = if is_lobe { once } else { 0.0 };
+                scales.coat_pdf_w[lane] = if is_lobe { prob * pdf_w } else { 0.0 };
+                let grazing = (1.0 - wo.dot(m)).max(0.0);
+                let grazing2 = grazing * grazing;
+                scales.grazing[lane] = grazing2 * grazing2 * grazing;
+                let lost = self.lost[lane] * shares.lost[lane];
+                scales.lost[lane] = if is_lobe { lost } else { 0.0 };
+                continue;
+            }
+            let coat = self.coats.reflectance(lane, wo.dot(m)) * once;
+            let pdf_w = prob * pdf_w;
             scales.coat[lane] = if is_lobe { coat } else { 0.0 };
             scales.coat_pdf_w[lane] = if is_lobe { pdf_w } else { 0.0 };
         }
@@ -314,7 +300,7 @@ impl SeenCoats {
         let (mut wide, mut rough) = <(LobeValues, LobeValues)>::default();
         for lane in 0..LANES {
             let base = self.base.get(lane) * scales.base[lane];
-            let coat = self.coats.tint.get(lane) * scales.coat[lane];
+            let coat = self.coat_value(lane, &scales);
             let joins = if self.is_narrow(lane) { 0.0 } else { 1.0 };
             let (base_pdf_w, coat_pdf_w) = (scales.base_pdf_w[lane], scales.coat_pdf_w[lane]);
             wide.value.set(lane, base + coat * joins);
@@ -352,6 +338,13 @@ impl SeenCoats {
             takes_facets[lane] = takes_coat & !is_smooth & (self.cos[lane] > 0.0);
             samples.passes_through[lane] = takes_coat & self.is_narrow(lane);
             samples.wi.set(lane, if samples.is_delta[lane] { mirrored } else { diffuse });
+            if METAL {
+                // The number that chose the coat is uniform below its probability.
+                let scatters_again = takes_facets[lane] & (u[0][lane] < prob * self.again(lane));
+                takes_facets[lane] &= !scatters_again;
+                let wide = cosine_hemisphere(normal, [u[1][lane], u[2][lane]]);
+                samples.wi.set(lane, if scatters_again { wide } else { samples.wi.get(lane) });
+            }
         }
         self.sample_facets(bits(&takes_facets), u, &mut samples.wi);
         let scales = self.scales(&samples.wi);
@@ -360,8 +353,8 @@ impl SeenCoats {
             let wi = samples.wi.get(lane);
             let cos_i = self.normal.get(lane).dot(wi);
             let is_delta = samples.is_delta[lane];
-            let tint = self.coats.tint.get(lane);
-            let (base, coat) = (self.base.get(lane) * scales.base[lane], tint * scales.coat[lane]);
+            let (base, coat) =
+                (self.base.get(lane) * scales.base[lane], self.coat_value(lane, &scales));
             // A class of two lobes has one density. The other classes have one lobe.
             let joins = !self.is_narrow(lane);
             let takes_base = joins | !samples.passes_through[lane];
@@ -370,7 +363,7 @@ impl SeenCoats {
             let coat_share = if takes_coat { 1.0 } else { 0.0 };
             let value = base * base_share + coat * coat_share;
             let pdf_w = scales.base_pdf_w[lane] * base_share + scales.coat_pdf_w[lane] * coat_share;
-            let mirrored = tint * (self.coats.reflectance(lane, self.cos[lane]) / prob);
+            let mirrored = self.mirrored(lane) / prob;
             let weight = if is_delta { mirrored } else { value * (cos_i / pdf_w) };
             let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
             let is_seen = (self.cos[lane] > 0.0) | !has_coat;
@@ -382,6 +375,15 @@ impl SeenCoats {
             samples.value[lane] = value.max_element();
         }
         samples
+    }
+
+    /// Reflectance of a smooth coat.
+    #[inline(always)]
+    fn mirrored(&self, lane: usize) -> Rgb {
+        if METAL {
+            return fresnel::schlick(self.cos[lane], self.metals.mixed.get(lane));
+        }
+        self.coats.tint.get(lane) * self.coats.reflectance(lane, self.cos[lane])
     }
 
     /// Directions that the facets of `lanes` reflect.

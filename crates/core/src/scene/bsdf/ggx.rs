@@ -66,6 +66,13 @@ impl Ggx {
         TABLE.albedos(self.alpha, cos).x
     }
 
+    /// [`Self::single_albedo`], and [`Self::schlick_albedo`] of facets that reflect nothing at
+    /// normal incidence.
+    #[inline]
+    pub(super) fn albedos(&self, cos: f32) -> Vec2 {
+        TABLE.albedos(self.alpha, cos)
+    }
+
     /// The mean of [`Self::single_albedo`] under diffuse light.
     pub fn mean_single_albedo(&self) -> f32 {
         TABLE.means(self.alpha).x
@@ -108,7 +115,7 @@ impl Ggx {
 
 /// The albedo of facets that reflect the share `normal` at normal incidence.
 #[inline]
-fn by_schlick(albedos: Vec2, normal: f32) -> f32 {
+pub(super) fn by_schlick(albedos: Vec2, normal: f32) -> f32 {
     normal * albedos.x + (1.0 - normal) * albedos.y
 }
 

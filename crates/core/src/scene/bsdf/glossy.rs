@@ -92,7 +92,7 @@ impl Glossy {
     /// Reflectance of both parts at normal incidence: Schlick's formula is linear in it.
     /// theory.md (32).
     #[inline]
-    fn mixed_normal(&self) -> Rgb {
+    pub(super) fn mixed_normal(&self) -> Rgb {
         Rgb::splat(self.normal).lerp(self.albedo, self.metallic)
     }
 
@@ -100,6 +100,21 @@ impl Glossy {
     #[must_use]
     pub fn with_albedo(&self, albedo: Rgb) -> Self {
         Self::with_normal(albedo, self.metallic, self.normal, self.facets.alpha)
+    }
+
+    /// Multiple scattering of the metal over both shares that are lost, 1/sr.
+    pub(super) fn multiple(&self) -> Rgb {
+        self.multiple
+    }
+
+    /// The surface of these parts; see [`Self::new`]. `normal` is the reflectance of the dielectric
+    /// at normal incidence.
+    pub(in crate::scene) fn of_parts(
+        (albedo, metallic): (Rgb, f32),
+        normal: f32,
+        alpha: f32,
+    ) -> Self {
+        Self::with_normal(albedo, metallic, normal, alpha)
     }
 
     /// Mean share of diffuse light that enters the dielectric.

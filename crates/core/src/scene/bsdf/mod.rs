@@ -11,6 +11,7 @@
 
 mod anisotropic_ggx;
 mod beckmann;
+pub(in crate::scene) mod coat_columns;
 mod coated;
 pub(in crate::scene) mod coated_base;
 pub mod coats;

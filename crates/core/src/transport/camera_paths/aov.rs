@@ -96,10 +96,10 @@ impl CameraPaths {
 
     /// Records the surfaces at bases and coats, before paths scatter.
     #[inline(never)] // rare
-    pub(super) fn record_coated(
+    pub(super) fn record_coated<const METAL: bool>(
         &mut self,
         pass: &CameraPass,
-        at: &CoatedVertices,
+        at: &CoatedVertices<METAL>,
         states: &PathStates,
     ) {
         for lane in (0..LANES).filter(|&lane| at.active[lane]) {

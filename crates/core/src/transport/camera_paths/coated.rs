@@ -10,7 +10,8 @@ use crate::accel::HitPacket;
 use crate::base::math::{Rgb, luminance};
 use crate::scene::bsdf::coats::CoatSamples;
 use crate::scene::coated_hits::{CoatedHits, CoatedScratch, CoatedVertices};
-use crate::scene::{Receiver, Receivers};
+
+use crate::scene::{NotLambertian, Receiver, Receivers};
 use crate::settings::Settings;
 use crate::simd::dispatch::Simd;
 use crate::simd::{LANES, Mask, Vec3s, any};
@@ -22,7 +23,9 @@ use crate::transport::mis::weights::CameraPartial;
 use crate::transport::path_queue::Columns;
 use crate::transport::path_state::{History, PathStates};
 use bytemuck::{Pod, Zeroable};
+use std::array::from_fn;
 use std::f32::consts::FRAC_1_PI;
+use std::mem;
 
 /// Sixteen segments that end at diffuse bases with or without a coat.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -58,7 +61,7 @@ struct LightDensities {
 
 impl LightDensities {
     #[inline(always)]
-    fn new(at: &CoatedVertices, wi: &Vec3s) -> Self {
+    fn new<const METAL: bool>(at: &CoatedVertices<METAL>, wi: &Vec3s) -> Self {
         let seen = at.seen_by_light(wi);
         let (wide, rough) = seen.lobes(at.bsdf.wo());
         let mut own = Self::default();
@@ -82,39 +85,38 @@ struct Left<'a> {
 }
 
 impl CameraPaths {
-    /// Queues those of `lanes`, which hit bases and coats, that can be shaded together. Returns
-    /// them.
+    /// Queues the hits of bases and coats, each kind on its own. Returns their lanes.
     #[inline(always)] // vectorized
     pub(super) fn queue_coated(
         &mut self,
         simd: Simd,
-        pass: &CameraPass,
         states: &PathStates,
         hits: &HitPacket,
-        lanes: u32,
+        &NotLambertian { coated, metals, .. }: &NotLambertian,
     ) -> u32 {
-        let queued = pass.scene.plain_placements(hits, lanes);
         let HitPacket { mesh, triangle, u, v, t } = *hits;
         let segments =
             CoatedSegments { states: *states, hits: CoatedHits { mesh, triangle, u, v, t } };
-        let mut kept = Mask::default();
-        for (lane, kept) in kept.iter_mut().enumerate() {
-            *kept = queued >> lane & 1 == 1;
+        for (lanes, queue) in [coated, metals].into_iter().zip(&mut self.coated) {
+            if lanes != 0 {
+                queue.append(simd, &from_fn(|lane| lanes >> lane & 1 == 1), &segments);
+            }
         }
-        self.coated.append(simd, &kept, &segments);
-        queued
+        coated | metals
     }
 
     /// Handles all hits that were queued: connects, and finds the next segments.
     #[inline(always)] // vectorized
-    pub(super) fn scatter_all_coated(&mut self, simd: Simd, pass: &CameraPass) {
-        if self.coated.len() == 0 {
+    pub(super) fn scatter_all_coated<const METAL: bool>(&mut self, simd: Simd, pass: &CameraPass) {
+        let queue = &mut self.coated[usize::from(METAL)];
+        if queue.len() == 0 {
             return;
         }
+        let mut queue = mem::take(queue);
         let (mut segments, mut seen, mut at) =
-            <(CoatedSegments, CoatedScratch, CoatedVertices)>::default();
-        for packet in 0..self.coated.len().div_ceil(LANES) {
-            let count = self.coated.load(packet, &mut segments);
+            <(CoatedSegments, CoatedScratch, CoatedVertices<METAL>)>::default();
+        for packet in 0..queue.len().div_ceil(LANES) {
+            let count = queue.load(packet, &mut segments);
             let CoatedSegments { states, hits } = &mut segments;
             let rays = [&states.origin, &states.direction];
             pass.scene.coated_vertices(simd, rays, hits, count, &mut seen, &mut at);
@@ -133,7 +135,8 @@ impl CameraPaths {
             self.connect_coated(simd, pass, &mis, &at, (&partials, &ended), states);
             self.leave_coated(simd, pass, &mis, &at, (&partials, &ended), states);
         }
-        self.coated.clear();
+        queue.clear();
+        self.coated[usize::from(METAL)] = queue;
     }
 
     /// MIS partials of paths where they arrive.
@@ -151,11 +154,11 @@ impl CameraPaths {
 
     /// Stores gather points; bases of `ended` lanes have their light already.
     #[inline(never)] // keeps the loop of paths without photons short
-    fn gather_coated(
+    fn gather_coated<const METAL: bool>(
         &mut self,
         pass: &CameraPass,
         mis: &Mis,
-        at: &CoatedVertices,
+        at: &CoatedVertices<METAL>,
         (partials, ended): (&[CameraPartial; LANES], &Mask),
         states: &PathStates,
     ) {
@@ -198,12 +201,12 @@ impl CameraPaths {
 
     /// Connects all vertices with light sources; bases of `ended` lanes have their light already.
     #[inline(always)] // vectorized
-    fn connect_coated(
+    fn connect_coated<const METAL: bool>(
         &mut self,
         simd: Simd,
         pass: &CameraPass,
         mis: &Mis,
-        at: &CoatedVertices,
+        at: &CoatedVertices<METAL>,
         (partials, ended): (&[CameraPartial; LANES], &Mask),
         states: &mut PathStates,
     ) {
@@ -259,12 +262,12 @@ impl CameraPaths {
 
     /// Continues the paths; those of `ended` lanes only by coats.
     #[inline(always)] // vectorized
-    fn leave_coated(
+    fn leave_coated<const METAL: bool>(
         &mut self,
         simd: Simd,
         pass: &CameraPass,
         mis: &Mis,
-        at: &CoatedVertices,
+        at: &CoatedVertices<METAL>,
         (partials, ended): (&[CameraPartial; LANES], &Mask),
         states: &mut PathStates,
     ) {
@@ -320,10 +323,10 @@ impl CameraPaths {
 
     /// Keeps the vertices of paths that go on, for the weights of light that they hit.
     #[inline(always)] // vectorized
-    fn set_last_vertices(
+    fn set_last_vertices<const METAL: bool>(
         &mut self,
         mis: &Mis,
-        at: &CoatedVertices,
+        at: &CoatedVertices<METAL>,
         before: &[History; LANES],
         partials: &[CameraPartial; LANES],
         left: &Left,

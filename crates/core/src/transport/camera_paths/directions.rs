@@ -43,8 +43,11 @@ pub(super) fn guided_vertices<'a>(active: &'a Mask, at: &'a DiffuseVertices) -> 
 
 /// Vertices at bases and coats as guides see them.
 #[inline(always)]
-pub(super) fn coated_vertices<'a>(active: &'a Mask, at: &'a CoatedVertices) -> GuidedVertices<'a> {
-    let CoatedVertices { position, normal, shading_normal, .. } = at;
+pub(super) fn coated_vertices<'a, const METAL: bool>(
+    active: &'a Mask,
+    at: &'a CoatedVertices<METAL>,
+) -> GuidedVertices<'a> {
+    let CoatedVertices::<METAL> { position, normal, shading_normal, .. } = at;
     GuidedVertices { active, position, normal, shading_normal }
 }
 
@@ -78,9 +81,9 @@ pub(super) fn diffuse_directions(
 /// Directions from bases and coats by three uniform numbers each, and factors of the throughput: 1
 /// without a guide and for lobes of coats alone.
 #[inline(always)]
-pub(super) fn coated_directions(
+pub(super) fn coated_directions<const METAL: bool>(
     pass: &CameraPass,
-    at: &CoatedVertices,
+    at: &CoatedVertices<METAL>,
     numbers: &[[f32; LANES]; 3],
 ) -> (CoatSamples, [f32; LANES]) {
     let Some(guide) = pass.directions else {

@@ -107,8 +107,9 @@ pub struct CameraPaths {
     /// The next segments, in the order in which they are found.
     next: PathQueue<PathStates, 16>,
     hits: Vec<HitPacket>,
-    /// Hits of diffuse bases with or without a coat, which wait until all are found.
-    coated: PathQueue<CoatedSegments, 21>,
+    /// Hits of diffuse bases with or without a coat, which wait until all are found: those whose
+    /// coats are no metal, and those whose coats may be.
+    coated: [PathQueue<CoatedSegments, 21>; 2],
     shadow_rays: PathQueue<Connections, 10>,
     /// Paths with the light that meters receive through panes.
     pane_light: Vec<(u32, Rgb)>,
@@ -329,8 +330,8 @@ impl CameraPaths {
             if rest.missed != 0 && pass.scene.lights().has_environment() {
                 self.add_environment(pass, &states, rest.missed);
             }
-            if rest.coated != 0 && pass.shades_coats_together() {
-                rest.others &= !self.queue_coated(simd, pass, &states, hits, rest.coated);
+            if rest.coated | rest.metals != 0 && pass.shades_coats_together() {
+                rest.others &= !self.queue_coated(simd, &states, hits, &rest);
             }
             if rest.others != 0 {
                 self.scatter_others(pass, &states, hits, rest.others, &mut at, &mut others);
@@ -346,7 +347,8 @@ impl CameraPaths {
             }
             self.scatter_diffuse(simd, pass, &at, &mut states);
         }
-        self.scatter_all_coated(simd, pass);
+        self.scatter_all_coated::<false>(simd, pass);
+        self.scatter_all_coated::<true>(simd, pass);
         self.hits = all_hits;
         self.segments = mem::replace(&mut self.next, segments);
     }

@@ -160,9 +160,9 @@ impl CameraPaths {
     /// The lobe of a diffuse base. Coats so rough that they count as diffuse have none: what they
     /// reflect depends on the direction.
     #[inline]
-    fn base_lobe(
+    fn base_lobe<const METAL: bool>(
         pass: &CameraPass,
-        at: &CoatedVertices,
+        at: &CoatedVertices<METAL>,
         states: &PathStates,
         lane: usize,
     ) -> Option<Lobe> {
@@ -180,11 +180,11 @@ impl CameraPaths {
     /// Adds the light of bases that a cache knows. Returns their lanes, in which only coats are
     /// left.
     #[inline(never)] // not part of other strategies
-    pub(super) fn end_at_bases(
+    pub(super) fn end_at_bases<const METAL: bool>(
         &mut self,
         cache: &SuffixCache,
         pass: &CameraPass,
-        at: &CoatedVertices,
+        at: &CoatedVertices<METAL>,
         states: &PathStates,
     ) -> Mask {
         let mut ended = Mask::default();
@@ -198,10 +198,10 @@ impl CameraPaths {
 
     /// Records the bases that paths leave. `states` are those before.
     #[inline(never)] // not part of images
-    pub(super) fn record_bases(
+    pub(super) fn record_bases<const METAL: bool>(
         &mut self,
         pass: &CameraPass,
-        at: &CoatedVertices,
+        at: &CoatedVertices<METAL>,
         states: &PathStates,
         samples: &CoatSamples,
     ) {

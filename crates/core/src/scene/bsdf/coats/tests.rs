@@ -1,7 +1,11 @@
 use super::*;
 use crate::base::math::uniform_sphere;
 use crate::base::rng::{Rng, Stream, StreamKey};
-use crate::scene::bsdf::{Bsdf, Coated, Glossy, LobeSet, LobeValue, Plastic, Transport, Vertex};
+use crate::scene::bsdf::coated_base::{MetalRow, metal_of};
+use crate::scene::bsdf::{
+    Bsdf, Coated, Conductor, Glossy, LobeSet, LobeValue, Plastic, Reflectance, Transport, Vertex,
+};
+use crate::simd::dispatch::{Simd, transpose_rows};
 use glam::DVec3;
 use std::array::from_fn;
 
@@ -31,20 +35,35 @@ fn bsdfs() -> Vec<Bsdf> {
     ]
 }
 
+/// Surfaces whose facets may be metal, wide and narrow, and one without any.
+fn metals() -> Vec<Bsdf> {
+    let albedo = Rgb::new(0.8, 0.3, 0.1);
+    let metal = |alpha| Conductor::new(Reflectance::Artist { normal: albedo }, alpha);
+    let mut all = Vec::new();
+    for alpha in [0.0, 0.01, 0.15, 0.6, 1.0] {
+        let glossy = |metallic| Bsdf::Glossy(Glossy::new(albedo, metallic, 1.5, alpha));
+        all.extend([glossy(0.0), glossy(0.3), glossy(1.0), Bsdf::Conductor(metal(alpha))]);
+    }
+    all
+}
+
 /// Sixteen surfaces of one BSDF, seen from these vertices.
-fn seen(bsdf: &Bsdf, vertices: &[Vertex; LANES]) -> SeenCoats {
-    let rows = [CoatedBase::of(bsdf); LANES];
+fn seen<const METAL: bool>(bsdf: &Bsdf, vertices: &[Vertex; LANES]) -> SeenCoats<METAL> {
+    let rows = [if METAL { CoatedBase::of_metal(bsdf) } else { CoatedBase::of(bsdf) }; LANES];
     assert!(rows[0].flags & CoatedBase::IS_BASE != 0);
-    let mut coats = CoatedBases::default();
-    let simd = crate::simd::dispatch::Simd::default();
-    crate::simd::dispatch::transpose_rows(simd, &rows.each_ref(), &mut coats);
+    let (mut coats, mut metals) = <(CoatedBases, Metals)>::default();
+    transpose_rows(Simd::default(), &rows.each_ref(), &mut coats);
+    if METAL {
+        let rows = [MetalRow::of(&metal_of(bsdf).expect("a metal")); LANES];
+        transpose_rows(Simd::default(), &rows.each_ref(), &mut metals);
+    }
     let (mut normal, mut wo) = <(Vec3s, Vec3s)>::default();
     for (lane, vertex) in vertices.iter().enumerate() {
         normal.set(lane, vertex.normal);
         wo.set(lane, vertex.wo);
     }
     let front = vertices.map(|vertex| vertex.front);
-    SeenCoats::new(&coats, &Vec3s::splat(Rgb::ONE), &front, &normal, &wo)
+    SeenCoats::new((&coats, &metals), &Vec3s::splat(Rgb::ONE), &front, &normal, &wo)
 }
 
 /// A vertex that is mostly seen from above.
@@ -57,10 +76,11 @@ fn vertex(rng: &mut Rng) -> Vertex {
 }
 
 #[track_caller]
-fn assert_lobe(found: (Rgb, f32), expected: &LobeValue, what: &Bsdf) {
+fn assert_lobe<const METAL: bool>(found: (Rgb, f32), expected: &LobeValue, what: &Bsdf) {
     // Error functions are in double precision there, and in single precision here. What enters a
     // glossy surface is interpolated linearly there, and fitted here.
-    let share = if matches!(what, Bsdf::Glossy(_)) { 1e-2 } else { 1e-3 };
+    let is_fitted = matches!(what, Bsdf::Glossy(_)) && !METAL;
+    let share = if is_fitted { 1e-2 } else { 1e-3 };
     let tolerance = |size: f32| 1e-6 + share * size;
     let off = (found.0 - expected.value).abs().max_element();
     assert!(off <= tolerance(expected.value.max_element()), "{found:?} {expected:?} {what:?}");
@@ -70,8 +90,13 @@ fn assert_lobe(found: (Rgb, f32), expected: &LobeValue, what: &Bsdf) {
 
 #[test]
 fn lobes_of_sixteen_are_those_of_one() {
+    compare_lobes::<false>(bsdfs());
+    compare_lobes::<true>(metals());
+}
+
+fn compare_lobes<const METAL: bool>(bsdfs: Vec<Bsdf>) {
     let mut rng = StreamKey::new(3, Stream::Test, 0).rng(0);
-    for bsdf in bsdfs() {
+    for bsdf in bsdfs {
         for _ in 0..200 {
             let vertices = from_fn(|_| vertex(&mut rng));
             let mut wi = Vec3s::default();
@@ -82,14 +107,18 @@ fn lobes_of_sixteen_are_those_of_one() {
                 let near = (mirrored + 0.2 * any).normalize();
                 wi.set(lane, if lane % 2 == 0 { any } else { near });
             }
-            let (wide, rough) = seen(&bsdf, &vertices).lobes(&wi);
+            let (wide, rough) = seen::<METAL>(&bsdf, &vertices).lobes(&wi);
             for (lane, at) in vertices.iter().enumerate() {
                 let expected = bsdf.lobes(at, wi.get(lane));
                 if at.wo.dot(at.normal).abs().min(wi.get(lane).dot(at.normal).abs()) < 1e-3 {
                     continue; // cosines are rounded
                 }
-                assert_lobe((wide.value.get(lane), wide.pdf_w[lane]), &expected[0], &bsdf);
-                assert_lobe((rough.value.get(lane), rough.pdf_w[lane]), &expected[1], &bsdf);
+                assert_lobe::<METAL>((wide.value.get(lane), wide.pdf_w[lane]), &expected[0], &bsdf);
+                assert_lobe::<METAL>(
+                    (rough.value.get(lane), rough.pdf_w[lane]),
+                    &expected[1],
+                    &bsdf,
+                );
             }
         }
     }
@@ -125,14 +154,19 @@ impl Moments {
 
 #[test]
 fn samples_of_sixteen_carry_the_light_of_those_of_one() {
+    compare_samples::<false>(bsdfs());
+    compare_samples::<true>(metals());
+}
+
+fn compare_samples<const METAL: bool>(bsdfs: Vec<Bsdf>) {
     let mut rng = StreamKey::new(4, Stream::Test, 0).rng(0);
-    for bsdf in bsdfs() {
+    for bsdf in bsdfs {
         for cos in [0.15_f32, 0.7, 1.0] {
             let normal = Vec3::new(0.36, 0.48, 0.8);
             let across = normal.any_orthonormal_vector();
             let wo = (cos * normal + (1.0 - cos * cos).sqrt() * across).normalize();
             let at = Vertex { normal, wo, front: true, tangent: None };
-            let seen = seen(&bsdf, &[at; LANES]);
+            let seen = seen::<METAL>(&bsdf, &[at; LANES]);
             let [mut together, mut single] = [Moments::default(), Moments::default()];
             for _ in 0..3000 {
                 let numbers = from_fn(|_| from_fn(|_| rng.next_1d()));
@@ -159,10 +193,15 @@ fn samples_of_sixteen_carry_the_light_of_those_of_one() {
 
 #[test]
 fn samples_have_the_density_of_their_lobes() {
+    compare_densities::<false>(bsdfs());
+    compare_densities::<true>(metals());
+}
+
+fn compare_densities<const METAL: bool>(bsdfs: Vec<Bsdf>) {
     let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
-    for bsdf in bsdfs() {
+    for bsdf in bsdfs {
         let vertices = from_fn(|_| vertex(&mut rng));
-        let seen = seen(&bsdf, &vertices);
+        let seen = seen::<METAL>(&bsdf, &vertices);
         for _ in 0..100 {
             let samples = seen.sample(&from_fn(|_| from_fn(|_| rng.next_1d())));
             let (wide, rough) = seen.lobes(&samples.wi);
