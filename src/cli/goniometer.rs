@@ -17,7 +17,7 @@ use bdpm::light::photometry::{LuminaireDescription, OpeningShape, write_eulumdat
 use bdpm::light::polar_plot::polar_plot;
 use bdpm::light::step_blur::StepBlur;
 use bdpm::load::{LoadOptions, load_with};
-use bdpm::measurement::lost_light;
+use bdpm::measurement::normal_loss;
 use bdpm::scene::backend::{self, Backend};
 use bdpm::scene::{IntensityDistribution, Scene};
 use bdpm::transport::goniometer::{Goniometer, GoniometerGrid, Measured};
@@ -213,7 +213,7 @@ pub fn run(args: &Args) -> Result<String> {
     if !args.quiet {
         say(&format!("read {}", loaded.summary));
         print_plain_notes(&loaded.warnings);
-        lost_light(&loaded.scene).iter().for_each(|note| say(&format!("note: {note}")));
+        normal_loss(&loaded.scene).iter().for_each(|note| say(&format!("note: {note}")));
     }
     outputs::spare_inputs(&files)?;
     let scene = &loaded.scene;

@@ -18,7 +18,7 @@ use bdpm::mpi::Ranks;
 use bdpm::output::light_layers::check_names;
 use bdpm::output::light_mix::LightImages;
 use bdpm::scene::{LightSource, Scene};
-use bdpm::settings::combinations::{self, Asked, JobOptions};
+use bdpm::settings::combinations::{self, JobOptions, Request};
 use bdpm::settings::{PartialSettings, Settings};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -144,7 +144,7 @@ fn check_ranks(ranks: &dyn Ranks) -> Result<()> {
     let settings = Settings::resolve(&plain, &plain, 1.0)?;
     let has_ranks = ranks.count() > 1;
     let job = JobOptions { has_light_groups: true, has_ranks, ..JobOptions::default() };
-    combinations::check(&Asked { job, ..Asked::of(&settings) })
+    combinations::check(&Request { job, ..Request::of(&settings) })
 }
 
 /// Pixels of the image.

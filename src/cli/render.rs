@@ -25,7 +25,7 @@ use bdpm::mpi;
 use bdpm::mpi::Ranks;
 use bdpm::output::checkpoint::Checkpoint;
 use bdpm::output::layers::{LayerName, LayerSelection};
-use bdpm::settings::combinations::{self, Asked, JobOptions};
+use bdpm::settings::combinations::{self, JobOptions, Request};
 use bdpm::settings::provenance::Provenance;
 use bdpm::settings::{PartialSettings, Settings};
 use bdpm::timing::Timings;
@@ -231,7 +231,7 @@ impl Args {
         let plain = PartialSettings::default();
         let settings = Settings::resolve(&plain, &plain, 1.0)?;
         let job = JobOptions { loses_part, ..JobOptions::default() };
-        combinations::check(&Asked { job, ..Asked::of(&settings) })
+        combinations::check(&Request { job, ..Request::of(&settings) })
     }
 
     /// The shard from the command line.

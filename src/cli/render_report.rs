@@ -17,7 +17,7 @@ use bdpm::job::{
 };
 use bdpm::render::bias_over_noise::BiasOverNoise;
 use bdpm::render::block::{Block, CombinedImage};
-use bdpm::render::findable_light::has_rare_sunlight;
+use bdpm::render::photon_only_light::has_rare_sunlight;
 use bdpm::settings::Settings;
 use serde::Serialize;
 use std::path::Path;

@@ -82,7 +82,7 @@ fn parts_of_an_audit_add_up_to_the_whole() {
             && pairs.into_iter().all(|(a, b)| (a - b).abs() <= 1e-12 * a.abs())
     };
     assert!(all.traced.iter().zip(&parts.traced).all(|(one, other)| close(one, other)));
-    let [one, other] = [&all, &parts].map(|own| own.unfindable.as_ref().unwrap());
+    let [one, other] = [&all, &parts].map(|own| own.photon_only.as_ref().unwrap());
     assert!(one.iter().zip(other).all(|(one, other)| close(one, other)));
     assert!(one[0].sums.iter().sum::<f64>() > 0.0);
     assert!(all.fits(own.settings()));

@@ -323,7 +323,7 @@ fn cell_probabilities(bsdf: &Bsdf, at: &Vertex) -> Vec<f64> {
             let (y, x) = azimuth.sin_cos();
             let w = cos * NORMAL + sin * (x as f32 * tangent + y as f32 * bitangent);
             let place = i / FINE * COLUMNS + j / FINE;
-            let density = [Lobe::Diffuse, Lobe::Rough].map(|lobe| bsdf.pdf_w(lobe, at, w));
+            let density = [Lobe::Wide, Lobe::Rough].map(|lobe| bsdf.pdf_w(lobe, at, w));
             probabilities[place] += f64::from(density[0] + density[1]) * area;
         }
     }
@@ -434,23 +434,23 @@ fn delta_lobes_go_where_optics_sends_them() {
 #[test]
 fn lobe_classes_match_the_paths() {
     let classes = [
-        (Bsdf::diffuse(Vec3::ONE), Some(Lobe::Diffuse), false),
+        (Bsdf::diffuse(Vec3::ONE), Some(Lobe::Wide), false),
         (Bsdf::Mirror { reflectance: Vec3::ONE }, None, true),
         (white_metal(0.0), None, true),
         (white_metal(0.2), Some(Lobe::Rough), true),
-        (white_metal(0.5), Some(Lobe::Diffuse), false),
+        (white_metal(0.5), Some(Lobe::Wide), false),
         (rough_glass(0.9), Some(Lobe::Rough), true),
-        (coated(0.5), Some(Lobe::Diffuse), true),
-        (glossy(0.5, 0.0, 0.0), Some(Lobe::Diffuse), true),
-        (glossy(0.5, 0.0, 0.2), Some(Lobe::Diffuse), true),
-        (glossy(0.5, 0.0, 0.5), Some(Lobe::Diffuse), false),
+        (coated(0.5), Some(Lobe::Wide), true),
+        (glossy(0.5, 0.0, 0.0), Some(Lobe::Wide), true),
+        (glossy(0.5, 0.0, 0.2), Some(Lobe::Wide), true),
+        (glossy(0.5, 0.0, 0.5), Some(Lobe::Wide), false),
         (glossy(0.5, 1.0, 0.2), Some(Lobe::Rough), true),
         (glossy(0.0, 0.0, 0.0), None, true),
     ];
     let mut rng = rng(7);
     for (bsdf, spread, passes) in classes {
         assert_eq!((bsdf.spread(), bsdf.passes_through()), (spread, passes), "{bsdf:?}");
-        assert_eq!(bsdf.merges(), spread == Some(Lobe::Diffuse));
+        assert_eq!(bsdf.merges(), spread == Some(Lobe::Wide));
         for _ in 0..200 {
             let sample =
                 bsdf.sample(&seen(0.6, true), Transport::Flux, LobeSet::PassThrough, &mut rng);
@@ -467,7 +467,7 @@ fn the_lobes_of_one_vertex_add_up() {
         for at in views() {
             for _ in 0..100 {
                 let wi = uniform_sphere(rng.next_2d());
-                let lobes = [Lobe::Diffuse, Lobe::Rough].map(|lobe| bsdf.eval_lobe(lobe, &at, wi));
+                let lobes = [Lobe::Wide, Lobe::Rough].map(|lobe| bsdf.eval_lobe(lobe, &at, wi));
                 let (sum, all) = (lobes[0] + lobes[1], bsdf.eval(&at, wi));
                 assert!((sum - all).length() <= 1e-5 * all.length(), "{bsdf:?}: {sum} {all}");
                 assert_eq!(bsdf.eval_lobe(Lobe::Delta, &at, wi), Vec3::ZERO);

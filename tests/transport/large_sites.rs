@@ -4,7 +4,7 @@
 use crate::common::*;
 use bdpm::Settings;
 use bdpm::noise::Measure;
-use bdpm::render::findable_light::CausticLight;
+use bdpm::render::photon_only_light::CausticLight;
 use bdpm::scene::bsdf::{Bsdf, Dielectric};
 use bdpm::scene::{Directional, Emitter, Environment, Material, Mesh, Meter, MeterKind};
 use bdpm::settings::{Direct, Strategy};

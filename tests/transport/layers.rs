@@ -18,7 +18,7 @@ const CONFIG: RenderConfig = RenderConfig {
     aovs: AovSelection { light: true, features: true, folds: true, halves: false },
     grain: BatchGrain::Tile,
     nested_part: None,
-    unfindable_only: false,
+    photon_only: false,
     independent_paths: false,
     hides_lights: false,
     ranks: 1,

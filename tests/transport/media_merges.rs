@@ -20,8 +20,8 @@ use bdpm::transport::light_paths::LightPaths;
 use bdpm::transport::medium_kernel::MediumKernel;
 use bdpm::transport::medium_photons::MediumPhotons;
 use bdpm::transport::merge::{Merge, MergeOptions, MergeOutput};
+use bdpm::transport::near_planes::Surroundings;
 use bdpm::transport::photon_map::PhotonMap as Map;
-use bdpm::transport::room::Surroundings;
 use bdpm::{Renderer, Scene, Settings};
 use glam::Vec3;
 use std::sync::Arc;
@@ -144,7 +144,7 @@ fn assert_merges_nest(scene: &Scene, accel: &dyn Intersect, medium_query: Medium
     light.trace(scene, accel, &settings, 20_000, 0);
     let at_surfaces = MergeKernel::new(&settings, None);
     let whole_kernel = MediumKernel::new(&at_surfaces, &settings);
-    let clearance = Clearance::of_scene(scene, whole_kernel.room_radius());
+    let clearance = Clearance::of_scene(scene, whole_kernel.reach());
     let mut photons = MediumPhotons::default();
     let surroundings = Surroundings { scene, accel, clearance: &clearance };
     photons.build(&light, &whole_kernel, &surroundings);
@@ -176,7 +176,7 @@ fn assert_merges_nest(scene: &Scene, accel: &dyn Intersect, medium_query: Medium
         let medium_scale = share * settings.medium_scale;
         let settings = Settings { medium_scale, ..settings.clone() };
         // Nested merges know the surfaces around the whole ball.
-        let kernel = MediumKernel::new(&at_surfaces, &settings).in_rooms_of(&whole_kernel);
+        let kernel = MediumKernel::new(&at_surfaces, &settings).within_planes_of(&whole_kernel);
         let merge = merge.with_medium(&photons, kernel, surroundings);
         merge.gather_pairs(&paths, &mut output, |_, _| {});
         output

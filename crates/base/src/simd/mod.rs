@@ -5,7 +5,7 @@
 
 pub mod dispatch;
 pub mod draw;
-pub mod eight;
+pub mod f32x8;
 pub mod sobol;
 
 pub use bdpm_accel::lanes::{LANES, Mask, Vec3s};

@@ -2,7 +2,7 @@
 //! two halves. Light that no camera path finds is estimated beside it: theory.md, section 22b.
 
 use super::combined_image::CombinedImage;
-use super::findable_light::{has_rare_sunlight, has_unfindable_light};
+use super::photon_only_light::{has_photon_only_light, has_rare_sunlight};
 use super::{RenderConfig, Renderer};
 use crate::base::error::Result;
 use crate::base::iteration_set::IterationSet;
@@ -55,7 +55,7 @@ pub struct AuditSums {
     /// Path tracing, one path for each cell and iteration.
     pub traced: [HalfSums; 2],
     /// Light that no camera path finds; `None` if there is none.
-    pub unfindable: Option<[HalfSums; 2]>,
+    pub photon_only: Option<[HalfSums; 2]>,
 }
 
 /// An audit of one image, compared with it.
@@ -163,18 +163,18 @@ fn cells_of(settings: &Settings) -> Cells {
 
 impl AuditSums {
     /// Sums of no iteration.
-    pub fn new(cells: Cells, has_unfindable: bool) -> Self {
+    pub fn new(cells: Cells, has_photon_only: bool) -> Self {
         let halves = || [HalfSums::new(cells.len()), HalfSums::new(cells.len())];
-        Self { cells, traced: halves(), unfindable: has_unfindable.then(halves) }
+        Self { cells, traced: halves(), photon_only: has_photon_only.then(halves) }
     }
 
     /// Adds the sums of another part of the same audit. Sums of another image are left out.
     pub fn merge(&mut self, other: &Self) {
-        if self.cells != other.cells || self.unfindable.is_some() != other.unfindable.is_some() {
+        if self.cells != other.cells || self.photon_only.is_some() != other.photon_only.is_some() {
             return;
         }
         self.traced.iter_mut().zip(&other.traced).for_each(|(own, other)| own.merge(other));
-        if let (Some(own), Some(other)) = (&mut self.unfindable, &other.unfindable) {
+        if let (Some(own), Some(other)) = (&mut self.photon_only, &other.photon_only) {
             own.iter_mut().zip(other).for_each(|(own, other)| own.merge(other));
         }
     }
@@ -184,7 +184,7 @@ impl AuditSums {
         let cells = self.cells.len();
         self.cells == cells_of(settings)
             && self.traced.iter().all(|half| half.fits(cells))
-            && self.unfindable.iter().flatten().all(|half| half.fits(cells))
+            && self.photon_only.iter().flatten().all(|half| half.fits(cells))
     }
 
     /// Camera paths of both halves.
@@ -197,16 +197,17 @@ impl AuditSums {
     /// `None` before both have two halves with some samples, or if the image is too small.
     pub fn compare(&self, image: &CombinedImage, brightest: f64) -> Option<Audited> {
         let has_halves = |halves: &[HalfSums; 2]| halves.iter().all(|half| half.iterations > 0);
-        if !has_halves(&self.traced) || self.unfindable.as_ref().is_some_and(|own| !has_halves(own))
+        if !has_halves(&self.traced)
+            || self.photon_only.as_ref().is_some_and(|own| !has_halves(own))
         {
             return None;
         }
         let mut halves = self.in_cells(&image.halves()?, image.grid());
-        let unfindable = self.unfindable.as_ref().map(|own| own.each_ref().map(HalfSums::mean));
+        let photon_only = self.photon_only.as_ref().map(|own| own.each_ref().map(HalfSums::mean));
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let all = 0.5 * (mean(&halves[0]) + mean(&halves[1]));
         let (mut not_audited, mut common, mut tolerance) = (0.0, None, None);
-        if let Some(own) = &unfindable {
+        if let Some(own) = &photon_only {
             for (half, own) in halves.iter_mut().zip(own) {
                 half.iter_mut().zip(own).for_each(|(half, own)| *half -= own);
             }
@@ -232,12 +233,12 @@ impl AuditSums {
     /// Compares the audit with one or two images of another program: luminances of all pixels, in
     /// row order. The noise of two images is known from their difference, that of one from
     /// differences of neighbors. Light that only photons find belongs to the audit if
-    /// `has_unfindable`. `None` in the cases of [`Self::compare`].
+    /// `has_photon_only`. `None` in the cases of [`Self::compare`].
     pub fn compare_images(
         &self,
         images: &[Vec<f64>],
         size: (u32, u32),
-        (has_unfindable, brightest): (bool, f64),
+        (has_photon_only, brightest): (bool, f64),
     ) -> Option<Audited> {
         let has_halves = |halves: &[HalfSums; 2]| halves.iter().all(|half| half.iterations > 0);
         if !has_halves(&self.traced) {
@@ -250,13 +251,13 @@ impl AuditSums {
         let mut variance = variance_of_half(&self.traced);
         let (mut not_audited, mut tolerance) = (0.0, None);
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-        if let Some(own) = self.unfindable.as_ref().filter(|own| has_halves(own)) {
+        if let Some(own) = self.photon_only.as_ref().filter(|own| has_halves(own)) {
             let means = own.each_ref().map(HalfSums::mean);
             let both: Vec<f64> =
                 means[0].iter().zip(&means[1]).map(|(a, b)| 0.5 * (a + b)).collect();
             let all = mean(&audit[0]) + mean(&both);
             not_audited = if all > 0.0 { (mean(&both) / all).clamp(0.0, 1.0) } else { 0.0 };
-            if has_unfindable {
+            if has_photon_only {
                 for (half, own) in audit.iter_mut().zip(&means) {
                     half.iter_mut().zip(own).for_each(|(half, own)| *half += own);
                 }
@@ -304,13 +305,13 @@ impl AuditSums {
     }
 
     /// theory.md (98e)
-    fn tolerance(&self, unfindable: &[f64]) -> Vec<f64> {
-        let own: Vec<_> = unfindable.iter().map(|own| [*own]).collect();
+    fn tolerance(&self, photon_only: &[f64]) -> Vec<f64> {
+        let own: Vec<_> = photon_only.iter().map(|own| [*own]).collect();
         let around = box_filter(&own, self.cells.width, self.cells.height);
         let of = |(own, [around]): (&f64, &[f64; 1])| {
             UNFINDABLE_TOLERANCE * own.abs() + (own - around).abs()
         };
-        unfindable.iter().zip(&around).map(of).collect()
+        photon_only.iter().zip(&around).map(of).collect()
     }
 
     /// Means over the cells of the audit of values of the cells of an image, which are not larger.
@@ -353,7 +354,7 @@ pub fn brightest_path(scene: &Scene) -> f64 {
 /// Renders the audit of an image.
 pub struct Auditor {
     tracer: Renderer,
-    unfindable: Option<Renderer>,
+    photon_only: Option<Renderer>,
     sums: AuditSums,
 }
 
@@ -396,18 +397,18 @@ impl Auditor {
         let path = Settings { strategy: Strategy::Path, merge_vertex: 2, ..settings.clone() };
         let config = RenderConfig { independent_paths: true, ..RenderConfig::default() };
         let tracer = renderer.binned(path, cells.side)?.configure(config)?.uninterrupted();
-        let unfindable = if has_unfindable_light(scene) {
+        let photon_only = if has_photon_only_light(scene) {
             let light_paths =
                 (cells.len() as u32).clamp(1024, renderer.most_light_paths().max(1024));
             let merged =
                 Settings { strategy: Strategy::Single, merge_vertex: 1, light_paths, ..settings };
-            let config = RenderConfig { unfindable_only: true, ..RenderConfig::default() };
+            let config = RenderConfig { photon_only: true, ..RenderConfig::default() };
             Some(renderer.binned(merged, cells.side)?.configure(config)?.uninterrupted())
         } else {
             None
         };
-        let sums = AuditSums::new(cells, unfindable.is_some());
-        Ok(Self { tracer, unfindable, sums })
+        let sums = AuditSums::new(cells, photon_only.is_some());
+        Ok(Self { tracer, photon_only, sums })
     }
 
     /// The sums so far.
@@ -417,7 +418,7 @@ impl Auditor {
 
     /// Takes the sums and leaves none.
     pub fn take_sums(&mut self) -> AuditSums {
-        let empty = AuditSums::new(self.sums.cells, self.unfindable.is_some());
+        let empty = AuditSums::new(self.sums.cells, self.photon_only.is_some());
         std::mem::replace(&mut self.sums, empty)
     }
 
@@ -430,7 +431,7 @@ impl Auditor {
     pub fn paths_per_step(&self) -> f64 {
         let cells = self.sums.cells.len() as f64;
         let of = |own: &Renderer| cells + f64::from(own.settings().light_paths);
-        2.0 * (cells + self.unfindable.as_ref().map_or(0.0, of))
+        2.0 * (cells + self.photon_only.as_ref().map_or(0.0, of))
     }
 
     /// Renders one iteration of each half, on the threads of the current rayon pool. Steps of
@@ -439,7 +440,8 @@ impl Auditor {
         for half in 0..2 {
             let iteration = 2 * number + half;
             self.sums.traced[half as usize].add(&iterate(&mut self.tracer, iteration));
-            if let (Some(renderer), Some(sums)) = (&mut self.unfindable, &mut self.sums.unfindable)
+            if let (Some(renderer), Some(sums)) =
+                (&mut self.photon_only, &mut self.sums.photon_only)
             {
                 sums[half as usize].add(&iterate(renderer, iteration));
             }

@@ -27,7 +27,7 @@ pub struct RenderConfig {
     pub nested_part: Option<NestedPart>,
     /// Renders nothing but light that no camera path finds: of lights that no ray can hit, through
     /// glass or mirrors.
-    pub unfindable_only: bool,
+    pub photon_only: bool,
     /// All numbers of camera paths are independent, also those that would be Sobol points. What
     /// looks at few iterations needs this: an audit, trials of the pilot. So do meters, which are
     /// no pixels.
@@ -47,7 +47,7 @@ impl Default for RenderConfig {
             aovs,
             grain,
             nested_part: None,
-            unfindable_only: false,
+            photon_only: false,
             independent_paths: false,
             hides_lights: false,
             ranks: 1,

@@ -20,7 +20,7 @@ use crate::transport::kernel::MergeKernel;
 use crate::transport::medium_kernel::MediumKernel;
 use crate::transport::merge::{Merge, MergeOptions};
 use crate::transport::mis::Mis;
-use crate::transport::room::Surroundings;
+use crate::transport::near_planes::Surroundings;
 use rayon::prelude::*;
 use std::mem;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -60,7 +60,7 @@ impl Renderer {
         // Light phase: trace light paths and store their photons
         let Self { scene, accel, settings, light_paths, .. } = self;
         light_paths.interrupt = interrupt.clone();
-        light_paths.unfindable_only = self.config.unfindable_only;
+        light_paths.photon_only = self.config.photon_only;
         let traced = if settings.has_photons() { block.counts.light_paths } else { 0 };
         light_paths.trace(scene, &**accel, settings, traced, number);
 
@@ -121,7 +121,7 @@ impl Renderer {
             aovs: self.config.aovs,
             cache_bias: self.suffixes.bias(),
             measured: MeasuredPixels::new(grid, self.config.grain, iteration),
-            leaves_out_direct: self.config.unfindable_only,
+            leaves_out_direct: self.config.photon_only,
             interrupt,
             ..Job::new(pass, merge, counts, measure)
         }

@@ -14,8 +14,8 @@ use crate::scene::bsdf::Bsdf;
 use crate::scene::{Media, Scene};
 use crate::settings::Settings;
 use crate::transport::mis::weights::PhotonPartials;
+use crate::transport::near_planes::NearPlanes;
 use crate::transport::photon::Photon;
-use crate::transport::room::Room;
 use crate::transport::suffix_cache::SuffixRecord;
 
 /// Mean memory of a light path, bytes. A path stores at most `1/(1 - albedo)` photons on average;
@@ -33,7 +33,7 @@ pub(super) fn bytes_per_light_path(scene: &Scene, settings: &Settings) -> f64 {
     let albedo = albedo.max(in_media);
     let photons_per_path = (1.0 - f64::from(albedo)).recip().min(20.0);
     // Planes around photons near surfaces
-    let planes = if in_media > 0.0 { size_of::<Room>() } else { 0 };
+    let planes = if in_media > 0.0 { size_of::<NearPlanes>() } else { 0 };
     f64::from(settings.splitting) * photons_per_path * (bytes_per_photon(settings) + planes as f64)
 }
 

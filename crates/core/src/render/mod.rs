@@ -7,7 +7,7 @@ mod aov_sums;
 pub mod bias_over_noise;
 pub mod bias_correction;
 mod direction_learning;
-pub mod findable_light;
+pub mod photon_only_light;
 pub mod narrow_beam;
 pub mod block;
 mod coarse_bias;
@@ -44,7 +44,7 @@ use crate::film::radiance::Film;
 use crate::film::statistic::StatisticRequest;
 use crate::scene::lights::guide::Guide;
 use crate::scene::{Media, Scene, View};
-use crate::settings::combinations::{self, Asked};
+use crate::settings::combinations::{self, Request};
 use crate::settings::{AllowedLightPaths, Kernel, MAX_LIGHT_PATHS, Settings};
 use crate::transport::area::{Areas, CellWork};
 use crate::transport::camera_paths::LightEdges;
@@ -162,7 +162,7 @@ impl Renderer {
         known: Option<&Arc<Clearance>>,
     ) -> Arc<Clearance> {
         let radii = MergeKernel::discs(settings.merge_radii());
-        let needed = MediumKernel::new(&radii, settings).room_radius();
+        let needed = MediumKernel::new(&radii, settings).reach();
         match known {
             Some(known) if (needed..=2.0 * needed).contains(&known.distance()) => known.clone(),
             _ => Arc::new(Clearance::of_scene(scene, needed)),
@@ -182,7 +182,7 @@ impl Renderer {
         let request = config.request(&settings);
         check_memory(scene, &request, settings.light_paths)?;
         check_has_light(scene)?;
-        combinations::check(&Asked { scene: scene.facts(), ..Asked::of(&settings) })?;
+        combinations::check(&Request { scene: scene.facts(), ..Request::of(&settings) })?;
         let counts = Counts::uniform(settings.light_paths, settings.camera_paths);
         let blocks = vec![Block::new(&request, 0, counts)];
         let areas = areas(&settings);

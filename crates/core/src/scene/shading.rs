@@ -122,8 +122,8 @@ impl Surface<'_> {
         let at = Vertex { normal, wo: wi, front: self.front, tangent: self.tangent };
         let areas = normal.dot(self.wo) / self.normal.dot(self.wo);
         // theory.md (36)
-        let weight = self.bsdf.eval_lobe(Lobe::Diffuse, &at, self.wo) * (PI * areas.max(0.0));
-        BsdfSample { wi, weight, lobe: Lobe::Diffuse }
+        let weight = self.bsdf.eval_lobe(Lobe::Wide, &at, self.wo) * (PI * areas.max(0.0));
+        BsdfSample { wi, weight, lobe: Lobe::Wide }
     }
 }
 

@@ -254,7 +254,7 @@ impl GatherView {
         let areas = wi.dot(self.turned(self.at.normal)) / wi.dot(point.normal);
         if areas > 0.0 {
             // theory.md (46)
-            self.bsdf.eval_lobe(Lobe::Diffuse, &self.at, wi) * areas
+            self.bsdf.eval_lobe(Lobe::Wide, &self.at, wi) * areas
         } else {
             Rgb::ZERO
         }

@@ -1,8 +1,8 @@
 //! The merge kernel in media: a ball around a point, or a disc across a segment.
 
 use super::kernel::{ByClass, MergeKernel, NESTED, WavelengthKernel};
+use super::near_planes::NearPlanes;
 use super::photon::PhotonClass;
-use super::room::Room;
 use crate::base::math::{ball_volume, disc_area};
 use crate::settings::{MediumQuery, Settings};
 use glam::Vec3;
@@ -25,7 +25,7 @@ pub struct MediumKernel {
     /// Wavelengths that merge, where photons and camera paths have one.
     pub(super) wavelengths: WavelengthKernel,
     /// Distance up to which surfaces are looked for, scene units.
-    room_radius: f32,
+    reach: f32,
 }
 
 /// The kernel for photons of one class at one place.
@@ -60,7 +60,7 @@ impl MediumKernel {
             inverse_size: radii.map(|radius| size(radius).recip()),
             nested: [over(&nested[0]), over(&nested[1])],
             wavelengths: at_surfaces.wavelengths,
-            room_radius: match query {
+            reach: match query {
                 MediumQuery::Points => radii[0].max(radii[1]),
                 MediumQuery::Beams => 2.0 * radii[0].max(radii[1]),
             },
@@ -92,19 +92,19 @@ impl MediumKernel {
     }
 
     /// The kernels of the classes at a point whose surroundings cut the balls.
-    pub(super) fn cut_by(&self, room: &Room) -> ByClass<CutKernel> {
-        from_fn(|class| self.cut(class, |radius| room.share(radius)))
+    pub(super) fn cut_by(&self, planes: &NearPlanes) -> ByClass<CutKernel> {
+        from_fn(|class| self.cut(class, |radius| planes.share(radius)))
     }
 
-    /// The kernel of a class across a ray at this offset from the center of a room.
+    /// The kernel of a class across a ray at this offset from the point of these planes.
     pub(super) fn cut_across(
         &self,
         class: usize,
-        room: &Room,
+        planes: &NearPlanes,
         offset: Vec3,
         direction: Vec3,
     ) -> CutKernel {
-        let disc = room.across(offset, direction);
+        let disc = planes.across(offset, direction);
         self.cut(class, |radius| disc.share(radius))
     }
 
@@ -115,15 +115,15 @@ impl MediumKernel {
 
     /// Distance within which surfaces can cut balls around points, or discs on which a photon lies,
     /// scene units.
-    pub fn room_radius(&self) -> f32 {
-        self.room_radius
+    pub fn reach(&self) -> f32 {
+        self.reach
     }
 
     /// This kernel within the surfaces that are known for another one, whose radii are at least as
     /// large.
     #[must_use]
-    pub fn in_rooms_of(self, other: &Self) -> Self {
-        Self { room_radius: other.room_radius, ..self }
+    pub fn within_planes_of(self, other: &Self) -> Self {
+        Self { reach: other.reach, ..self }
     }
 
     /// Tests whether photons are merged along segments.

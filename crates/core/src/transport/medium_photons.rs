@@ -2,9 +2,9 @@
 
 use super::light_paths::LightPaths;
 use super::medium_kernel::MediumKernel;
+use super::near_planes::{NearPlanes, Surroundings};
 use super::photon_map::PhotonMap;
 use super::photon_tree::PhotonTree;
-use super::room::{Room, Surroundings};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
@@ -18,10 +18,10 @@ pub struct MediumPhotons {
     /// The surfaces around each photon of the tree. A disc across a segment changes from photon to
     /// photon, so that the planes that cut it are found once for each photon and not for each
     /// query: those within two radii of a photon are all that can cut a disc on which it lies.
-    rooms: Vec<Room>,
-    /// For each photon of the tree, one more than the index of its room; 0 where no surface is
+    planes: Vec<NearPlanes>,
+    /// For each photon of the tree, one more than the index of its planes; 0 where no surface is
     /// near.
-    room_of: Vec<u32>,
+    planes_of: Vec<u32>,
 }
 
 impl MediumPhotons {
@@ -36,25 +36,25 @@ impl MediumPhotons {
         let start = Instant::now();
         if kernel.is_along_segments() {
             self.tree.build(paths.medium_photons());
-            self.find_rooms(surroundings, kernel.room_radius());
+            self.find_planes(surroundings, kernel.reach());
         } else {
             self.map.build_from(&paths.medium_photons().collect::<Vec<_>>(), kernel.radius());
         }
         start.elapsed() * rayon::current_num_threads() as u32
     }
 
-    fn find_rooms(&mut self, surroundings: &Surroundings, radius: f32) {
+    fn find_planes(&mut self, surroundings: &Surroundings, radius: f32) {
         let photons = self.tree.photons().par_iter().enumerate();
-        let near: Vec<(usize, Room)> = photons
-            .map(|(index, photon)| (index, surroundings.room(photon.position, radius)))
-            .filter(|(_, room)| !room.is_open())
+        let near: Vec<(usize, NearPlanes)> = photons
+            .map(|(index, photon)| (index, surroundings.planes(photon.position, radius)))
+            .filter(|(_, planes)| !planes.is_open())
             .collect();
-        self.rooms.clear();
-        self.room_of.clear();
-        self.room_of.resize(self.tree.photons().len(), 0);
-        for (index, room) in near {
-            self.rooms.push(room);
-            self.room_of[index] = self.rooms.len() as u32;
+        self.planes.clear();
+        self.planes_of.clear();
+        self.planes_of.resize(self.tree.photons().len(), 0);
+        for (index, planes) in near {
+            self.planes.push(planes);
+            self.planes_of[index] = self.planes.len() as u32;
         }
     }
 
@@ -80,7 +80,7 @@ impl MediumPhotons {
 
     /// The surfaces around a photon of the tree, if any are near.
     #[inline]
-    pub(super) fn room(&self, photon: usize) -> Option<&Room> {
-        self.rooms.get((self.room_of[photon] as usize).wrapping_sub(1))
+    pub(super) fn planes(&self, photon: usize) -> Option<&NearPlanes> {
+        self.planes.get((self.planes_of[photon] as usize).wrapping_sub(1))
     }
 }

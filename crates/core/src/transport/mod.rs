@@ -24,6 +24,6 @@ pub mod photon_map;
 pub mod photon_tree;
 pub mod reference;
 mod path_state;
-pub mod room;
+pub mod near_planes;
 mod roulette;
 pub mod suffix_cache;

@@ -20,7 +20,7 @@ const STACK: usize = WIDE * 11;
 const PARALLEL: usize = 8192;
 
 /// Coordinates of eight points, by axis.
-type Eight = [[f32; WIDE]; 3];
+type F32x8 = [[f32; WIDE]; 3];
 
 /// Photons in a tree of boxes.
 #[derive(Debug, Default)]
@@ -28,7 +28,7 @@ pub struct PhotonTree {
     /// Neighbors are near each other.
     photons: Vec<Photon>,
     /// Positions of eight photons at a time. Places after the last photon have none (NaN).
-    positions: Vec<Eight>,
+    positions: Vec<F32x8>,
     /// Boxes of eight leaves or nodes at a time, from the leaves to the root.
     levels: Vec<Vec<Boxes>>,
     has_caustic_photons: bool,
@@ -37,8 +37,8 @@ pub struct PhotonTree {
 /// Eight boxes.
 #[derive(Clone, Copy, Debug)]
 struct Boxes {
-    min: Eight,
-    max: Eight,
+    min: F32x8,
+    max: F32x8,
     /// Number of boxes.
     count: usize,
 }
@@ -71,7 +71,7 @@ impl Boxes {
 
     /// The box around all.
     fn all(&self) -> Bounds {
-        let fold = |of: &Eight, with: fn(f32, f32) -> f32| {
+        let fold = |of: &F32x8, with: fn(f32, f32) -> f32| {
             Vec3::from_array(of.map(|lanes| lanes.into_iter().reduce(with).expect("eight")))
         };
         Bounds { min: fold(&self.min, f32::min), max: fold(&self.max, f32::max) }

@@ -4,7 +4,7 @@ use super::{RenderJob, Start};
 use crate::mpi::Ranks;
 use bdpm_core::scene::Scene;
 use bdpm_core::settings::Settings;
-use bdpm_core::settings::combinations::{Asked, JobOptions};
+use bdpm_core::settings::combinations::{JobOptions, Request};
 
 impl RenderJob {
     /// The job with these settings, which are not chosen yet, on some processes.
@@ -13,7 +13,7 @@ impl RenderJob {
         scene: &Scene,
         settings: &'a Settings,
         ranks: &dyn Ranks,
-    ) -> Asked<'a> {
+    ) -> Request<'a> {
         let stop = self.stop_with_default();
         let job = JobOptions {
             is_automatic: self.is_automatic(),
@@ -27,6 +27,6 @@ impl RenderJob {
             has_ranks: ranks.count() > 1,
             has_light_groups: false, // Each group is a job of its own.
         };
-        Asked { settings, given: self.settings.clone(), job, scene: scene.facts() }
+        Request { settings, given: self.settings.clone(), job, scene: scene.facts() }
     }
 }

@@ -2,8 +2,8 @@
 
 use super::Event;
 use super::audit::Outcome;
-use super::leader::Leader;
 use super::result::RenderResult;
+use super::root_rank::RootRank;
 use super::state::RenderState;
 use super::step::Step;
 use bdpm_auto::adaptive::stopping::StoppedBy;
@@ -17,7 +17,7 @@ use std::time::Instant;
 /// first iteration ends the render with the image so far.
 pub(super) fn run(
     mut state: RenderState,
-    leader: &mut Option<Leader>,
+    root: &mut Option<RootRank>,
     observer: &mut impl FnMut(Event) -> ControlFlow<()>,
 ) -> Result<RenderResult> {
     if observer(Event::Started(&state)).is_break() {
@@ -27,7 +27,7 @@ pub(super) fn run(
         if let Some(reason) = state.finished() {
             break reason;
         }
-        match advance(&mut state, leader.as_mut(), observer) {
+        match advance(&mut state, root.as_mut(), observer) {
             Ok(ControlFlow::Continue(())) => {}
             Ok(ControlFlow::Break(reason)) => break reason,
             Err(error) if state.renderer.iterations() == 0 => return Err(error),
@@ -37,8 +37,8 @@ pub(super) fn run(
             }
         }
     };
-    if let Some(leader) = leader
-        && let Err(error) = leader.dismiss()
+    if let Some(root) = root
+        && let Err(error) = root.dismiss()
     {
         state.failure.get_or_insert(error);
     }
@@ -48,10 +48,10 @@ pub(super) fn run(
 /// Renders one iteration, and decides what follows from it.
 fn advance(
     state: &mut RenderState,
-    leader: Option<&mut Leader>,
+    root: Option<&mut RootRank>,
     observer: &mut impl FnMut(Event) -> ControlFlow<()>,
 ) -> Result<ControlFlow<StoppedBy>> {
-    iterate(state, leader, observer)?;
+    iterate(state, root, observer)?;
     if state.renderer.iterations() == 0 {
         return Err(Error::interrupted());
     }
@@ -93,7 +93,7 @@ fn advance(
 /// Renders one iteration, or one round of iterations of all processes.
 fn iterate(
     state: &mut RenderState,
-    leader: Option<&mut Leader>,
+    root: Option<&mut RootRank>,
     observer: &mut impl FnMut(Event) -> ControlFlow<()>,
 ) -> Result<()> {
     let elapsed = state.elapsed().as_secs_f64();
@@ -108,8 +108,8 @@ fn iterate(
         let _ = observer(Event::Warning(format!("the path counts are kept: {error}")));
     }
     let (begun, areas) = (Instant::now(), state.renderer.area_work());
-    let reports = state.attempt(Step::Iteration, |state| match leader {
-        Some(leader) => leader.round(state),
+    let reports = state.attempt(Step::Iteration, |state| match root {
+        Some(root) => root.round(state),
         None => {
             let renderer = &mut state.renderer;
             let number = renderer.next_iteration();

@@ -14,8 +14,8 @@ mod builder;
 mod denoise_mode;
 mod denoising;
 mod iterate;
-mod lead;
-mod leader;
+mod root_run;
+mod root_rank;
 mod near_layers;
 mod outline;
 mod reduced_size;
@@ -70,8 +70,8 @@ use bdpm_core::settings::provenance::{Provenance, Reuse};
 use bdpm_core::settings::{Bias, PartialSettings, Settings};
 use bdpm_core::transport::camera_paths::CameraPoints;
 use denoise_mode::Denoise;
-use leader::Leader;
 use rayon::ThreadPool;
+use root_rank::RootRank;
 use shard::ShardIterations;
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -202,13 +202,13 @@ impl RenderJob {
         ranks: &dyn Ranks,
         mut observer: impl FnMut(Event) -> ControlFlow<()>,
     ) -> Result<RenderResult> {
-        let mut leader = Leader::new(ranks);
-        let result = self.lead(ranks, &mut leader, &mut observer);
+        let mut root = RootRank::new(ranks);
+        let result = self.run_root(ranks, &mut root, &mut observer);
         if result.is_err()
-            && let Some(leader) = &mut leader
+            && let Some(root) = &mut root
         {
             // The error of the render says why.
-            let _ = leader.dismiss();
+            let _ = root.dismiss();
         }
         result
     }

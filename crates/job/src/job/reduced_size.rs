@@ -1,6 +1,6 @@
 //! Fewer pixels, where the time does not suffice for all of them.
 
-use super::lead::Run;
+use super::root_run::Run;
 use super::{Denoising, Prepared, RenderJob};
 use bdpm_auto::adaptive::time_probe;
 use bdpm_core::base::error::Result;

@@ -21,7 +21,7 @@ use bdpm_core::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH};
 use bdpm_core::noise::image::NoiseImage;
 use bdpm_core::render::bias_over_noise::BiasOverNoise;
 use bdpm_core::render::block::Block;
-use bdpm_core::render::findable_light::CausticLight;
+use bdpm_core::render::photon_only_light::CausticLight;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 

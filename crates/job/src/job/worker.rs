@@ -2,7 +2,7 @@
 
 use super::Prepared;
 use super::audit::Audit;
-use super::leader::{Ready, RenderSetup, Round, WorkerResult, render_assigned};
+use super::root_rank::{Ready, RenderSetup, Round, WorkerResult, render_assigned};
 use super::status::Totals;
 use super::step::{PlantedFailure, Step, attempt};
 use crate::mpi::{Exchange, Ranks, encode};

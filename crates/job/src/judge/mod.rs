@@ -216,7 +216,7 @@ impl JudgeJob {
     fn auditor(&self, accel: &Arc<dyn Intersect>) -> Result<Auditor> {
         let settings = self.resolved()?;
         // Areas of surfaces take time, and matter for photons alone.
-        let needs_areas = bdpm_core::render::findable_light::has_unfindable_light(&self.scene);
+        let needs_areas = bdpm_core::render::photon_only_light::has_photon_only_light(&self.scene);
         let kernel = if needs_areas { settings.kernel } else { Kernel::Disc };
         let renderer = Renderer::new(&self.scene, accel, Settings { kernel, ..settings })?;
         Auditor::of_any(&renderer)

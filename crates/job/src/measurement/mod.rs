@@ -27,7 +27,7 @@ pub use reading::{Reading, SampleTail, quantity, unit};
 pub use requirement::{Judged, Limit, Verdict};
 pub use results::{Measurement, MeterPlace, SetReadings};
 pub use room_glare::{LuminaireGlare, RoomGlare};
-pub use warnings::lost_light;
+pub use warnings::normal_loss;
 
 use bdpm_core::base::error::{Error, Result};
 use bdpm_core::scene::backend::{self, Backend};
@@ -195,7 +195,7 @@ impl MeasureJob {
             reached: true,
             time: Duration::ZERO,
             techniques: Vec::new(),
-            warnings: lost_light(&self.loaded.scene).into_iter().chain(near).collect(),
+            warnings: normal_loss(&self.loaded.scene).into_iter().chain(near).collect(),
         };
         for (number, (name, scene)) in (0..).zip(&groups) {
             for (kind_number, kind) in (0..).zip(&kinds) {

@@ -1,7 +1,7 @@
 //! Errors that a measurement does not know.
 
 use crate::job::RenderResult;
-use bdpm_core::scene::{LostLight, Scene};
+use bdpm_core::scene::{NormalLoss, Scene};
 
 /// Smallest share of the light that is worth a note, of each reflection.
 const LEAST_SHARE: f64 = 1e-3;
@@ -19,11 +19,11 @@ pub(super) fn unknown_bias(result: &RenderResult) -> Option<String> {
 
 /// A warning if shading normals lose light, with the share at each reflection by the materials
 /// that lose most. Uncertainties do not include this light.
-pub fn lost_light(scene: &Scene) -> Option<String> {
+pub fn normal_loss(scene: &Scene) -> Option<String> {
     let mut all = scene.light_lost_by_normals();
     all.retain(|own| own.share >= LEAST_SHARE);
     all.sort_by(|a, b| b.share.total_cmp(&a.share));
-    let one = |own: &LostLight| format!("{:.1} % by `{}`", 100.0 * own.share, own.material);
+    let one = |own: &NormalLoss| format!("{:.1} % by `{}`", 100.0 * own.share, own.material);
     let mut names: Vec<String> = all.iter().take(NAMED).map(one).collect();
     if all.len() > NAMED {
         names.push(format!("less by {} others", all.len() - NAMED));
@@ -67,11 +67,11 @@ mod tests {
 
     #[test]
     fn note_names_the_materials_that_lose_most() {
-        assert_eq!(lost_light(&scene(&[0.0, 10.0])), None, "smooth surfaces lose nothing");
+        assert_eq!(normal_loss(&scene(&[0.0, 10.0])), None, "smooth surfaces lose nothing");
         // (1 - cos 60 degrees)/2 and (1 - cos 30 degrees)/2
-        let note = lost_light(&scene(&[30.0, 5.0, 60.0])).unwrap();
+        let note = normal_loss(&scene(&[30.0, 5.0, 60.0])).unwrap();
         assert!(note.contains("up to 25.0 % by `at 60`, 6.7 % by `at 30`:"), "{note}");
-        let many = lost_light(&scene(&[20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0])).unwrap();
+        let many = normal_loss(&scene(&[20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0])).unwrap();
         assert!(many.contains("by `at 40`, less by 2 others:"), "{many}");
     }
 }

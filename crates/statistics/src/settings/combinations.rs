@@ -10,7 +10,7 @@ use std::fmt;
 
 /// What a render is asked for, as far as combinations of options matter.
 #[derive(Clone, Debug)]
-pub struct Asked<'a> {
+pub struct Request<'a> {
     /// The settings of the image, before any of them is chosen.
     pub settings: &'a Settings,
     /// The settings that the user gave.
@@ -70,7 +70,7 @@ impl Default for SceneFacts {
     }
 }
 
-impl<'a> Asked<'a> {
+impl<'a> Request<'a> {
     /// A render of these settings, given as a whole, in any scene.
     pub fn of(settings: &'a Settings) -> Self {
         let given = PartialSettings::from(settings);
@@ -79,7 +79,7 @@ impl<'a> Asked<'a> {
 }
 
 /// Makes the error of a combination.
-type Refusal = fn(&Asked) -> Error;
+type Refusal = fn(&Request) -> Error;
 
 /// What becomes of a combination.
 #[derive(Clone, Copy)]
@@ -101,13 +101,13 @@ pub struct Combination {
     pub outcome: Outcome,
     /// A sentence: what happens, and why.
     pub why: &'static str,
-    applies: fn(&Asked) -> bool,
+    applies: fn(&Request) -> bool,
 }
 
 const fn refused(
     options: [&'static str; 2],
     why: &'static str,
-    applies: fn(&Asked) -> bool,
+    applies: fn(&Request) -> bool,
     error: Refusal,
 ) -> Combination {
     Combination { options, outcome: Outcome::Refused(error), why, applies }
@@ -124,7 +124,7 @@ const fn usage(
 const fn weakened(
     options: [&'static str; 2],
     why: &'static str,
-    applies: fn(&Asked) -> bool,
+    applies: fn(&Request) -> bool,
 ) -> Combination {
     Combination { options, outcome: Outcome::Weakened, why, applies }
 }
@@ -373,7 +373,7 @@ impl fmt::Display for Combination {
     }
 }
 
-impl Asked<'_> {
+impl Request<'_> {
     fn weighs_merges(&self) -> bool {
         self.settings.strategy.weighs_merges()
     }
@@ -441,7 +441,7 @@ pub(crate) fn check_whole_sets(light_paths: u32, size: u32) -> Result<()> {
 ///
 /// # Errors
 /// That of the first row that applies.
-pub fn check(asked: &Asked) -> Result<()> {
+pub fn check(asked: &Request) -> Result<()> {
     let mut refusals = COMBINATIONS.iter().filter_map(|row| match row.outcome {
         Outcome::Refused(error) if (row.applies)(asked) => Some(error(asked)),
         _ => None,
@@ -450,7 +450,7 @@ pub fn check(asked: &Asked) -> Result<()> {
 }
 
 /// The rows in which an option does less than alone.
-pub fn notes<'a>(asked: &'a Asked) -> impl Iterator<Item = &'static Combination> + 'a {
+pub fn notes<'a>(asked: &'a Request) -> impl Iterator<Item = &'static Combination> + 'a {
     let weakened = |row: &&Combination| matches!(row.outcome, Outcome::Weakened);
     COMBINATIONS.iter().filter(weakened).filter(|row| (row.applies)(asked))
 }
@@ -478,7 +478,7 @@ mod tests {
             given.strategy = Some(Strategy::Mis);
             given.splitting = Some(4);
         });
-        let asked = Asked { given, ..Asked::of(&settings) };
+        let asked = Request { given, ..Request::of(&settings) };
         let error = check(&asked).unwrap_err().to_string();
         assert!(error.contains("splitting by 4"), "{error}");
         assert_eq!(notes(&asked).count(), 0);
@@ -491,7 +491,7 @@ mod tests {
             given.direct = Some(Direct::PhotonMap);
             given.radius = Some(Length::Units(0.1));
         });
-        let asked = Asked { given, ..Asked::of(&settings) };
+        let asked = Request { given, ..Request::of(&settings) };
         check(&asked).unwrap();
         let found: Vec<_> = notes(&asked).map(|row| row.options[0]).collect();
         assert!(found.len() == 2 && found[0] == "--direct photon-map", "{found:?}");

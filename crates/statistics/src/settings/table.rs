@@ -6,7 +6,7 @@ use super::checks::{
     check_radius, check_resolution, check_sobol_set, check_splitting, check_wavelength_width,
     checked,
 };
-use super::combinations::{self, Asked};
+use super::combinations::{self, Request};
 use super::fixed_array::FixedArray;
 use super::{Bias, Crop, Direct, Kernel, Length, MediumQuery, MisScales, Strategy};
 use super::{DEFAULT_WAVELENGTH_WIDTH, crop};
@@ -139,7 +139,7 @@ macro_rules! settings {
                     crop.check([self.width, self.height])?;
                 }
                 $($check(&self.$name)?;)+
-                combinations::check(&Asked::of(self))
+                combinations::check(&Request::of(self))
             }
         }
 

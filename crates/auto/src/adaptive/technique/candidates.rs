@@ -2,7 +2,7 @@
 
 use super::{FreeParameters, Technique};
 use bdpm_core::render::Renderer;
-use bdpm_core::render::findable_light::{has_rare_sunlight, placed_materials};
+use bdpm_core::render::photon_only_light::{has_rare_sunlight, placed_materials};
 use bdpm_core::scene::{Emitter, Material, Media};
 use bdpm_core::settings::{Direct, MediumQuery, Settings, Strategy};
 

@@ -97,7 +97,7 @@ impl DiffuseTransmission {
         // theory.md (27b)
         let weight = self.share(transmits) / prob;
         let wi = cosine_hemisphere(side, rng.next_2d());
-        Some(BsdfSample { wi, weight, lobe: Lobe::Diffuse })
+        Some(BsdfSample { wi, weight, lobe: Lobe::Wide })
     }
 }
 
@@ -105,7 +105,7 @@ impl Describe for DiffuseTransmission {
     #[inline]
     fn traits(&self) -> Traits {
         Traits {
-            classes: Lobes::of(Lobe::Diffuse),
+            classes: Lobes::of(Lobe::Wide),
             transmission: Transmission::Diffuse,
             depends_on_tangent: false,
             albedo_bound: self.albedo(),
@@ -176,7 +176,7 @@ mod tests {
             let cos = wi.dot(normal);
             let expected = sheet.eval(cos) * cos.abs() / sheet.pdf_w(cos);
             assert!((weight - expected).abs().max_element() < 1e-4, "{weight} {expected}");
-            assert_eq!(lobe, Lobe::Diffuse);
+            assert_eq!(lobe, Lobe::Wide);
             let ring = ((cos * cos * 4.0) as usize).min(3);
             rings[usize::from(cos < 0.0)][ring] += weight / n as f32;
         }

@@ -383,7 +383,7 @@ impl Klems {
             return None;
         }
         let weight = Rgb::splat(value * basis.projected(other.1) / prob);
-        Some(BsdfSample { wi: frame.to_world(wi), weight, lobe: Lobe::Diffuse })
+        Some(BsdfSample { wi: frame.to_world(wi), weight, lobe: Lobe::Wide })
     }
 }
 
@@ -391,7 +391,7 @@ impl Describe for Klems {
     #[inline]
     fn traits(&self) -> Traits {
         Traits {
-            classes: Lobes::of(Lobe::Diffuse),
+            classes: Lobes::of(Lobe::Wide),
             transmission: Transmission::Diffuse,
             depends_on_tangent: false,
             albedo_bound: Rgb::ONE,

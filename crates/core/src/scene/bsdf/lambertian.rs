@@ -26,7 +26,7 @@ impl Describe for Lambertian {
     #[inline]
     fn traits(&self) -> Traits {
         Traits {
-            classes: Lobes::of(Lobe::Diffuse),
+            classes: Lobes::of(Lobe::Wide),
             transmission: Transmission::None,
             depends_on_tangent: false,
             albedo_bound: self.albedo,
@@ -77,7 +77,7 @@ impl Model for Lambertian {
     ) -> Option<BsdfSample> {
         (at.front || self.two_sided).then(|| {
             let wi = cosine_hemisphere(at.normal, rng.next_2d());
-            BsdfSample { wi, weight: self.albedo, lobe: Lobe::Diffuse }
+            BsdfSample { wi, weight: self.albedo, lobe: Lobe::Wide }
         })
     }
 }

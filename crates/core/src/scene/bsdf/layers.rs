@@ -14,7 +14,7 @@ pub(super) fn facets_lobe(alpha: f32) -> Lobe {
     match alpha {
         0.0 => Lobe::Delta,
         alpha if alpha < DIFFUSE_ALPHA => Lobe::Rough,
-        _ => Lobe::Diffuse,
+        _ => Lobe::Wide,
     }
 }
 
@@ -68,7 +68,7 @@ impl<C: CoatOverBase> LocalModel for C {
         let (coat_lobe, wanted) = (self.coat_lobe(), |own| lobe.is_none_or(|lobe| lobe == own));
         let has_coat = coat_lobe != Lobe::Delta && wanted(coat_lobe);
         let coat = if has_coat { self.eval_coat(wo, wi) } else { Rgb::ZERO };
-        let base = if wanted(Lobe::Diffuse) { self.eval_base(wo, wi) } else { Rgb::ZERO };
+        let base = if wanted(Lobe::Wide) { self.eval_base(wo, wi) } else { Rgb::ZERO };
         coat + base
     }
 
@@ -101,7 +101,7 @@ impl<C: CoatOverBase> LocalModel for C {
         let prob = self.coat_prob(wo);
         let has_coat = self.coat_lobe() == lobe;
         let coat = if has_coat { prob * self.coat_pdf_w(wo, wi) } else { 0.0 };
-        let base = if lobe == Lobe::Diffuse { cosine_hemisphere_pdf_w(wi.z) } else { 0.0 };
+        let base = if lobe == Lobe::Wide { cosine_hemisphere_pdf_w(wi.z) } else { 0.0 };
         coat + (1.0 - prob) * base
     }
 
@@ -130,9 +130,9 @@ impl<C: CoatOverBase> LocalModel for C {
             cosine_hemisphere(Vec3::Z, rng.next_2d())
         };
         if wi.z <= 0.0 {
-            return Some(BsdfSample::lost(if is_coat { lobe } else { Lobe::Diffuse }));
+            return Some(BsdfSample::lost(if is_coat { lobe } else { Lobe::Wide }));
         }
-        if lobe == Lobe::Diffuse {
+        if lobe == Lobe::Wide {
             // Both lobes have this class: one density for both.
             let pdf = self.pdf_w(lobe, at, wi);
             let weight = self.eval(Some(lobe), at, wi) * (wi.z / pdf);
@@ -144,6 +144,6 @@ impl<C: CoatOverBase> LocalModel for C {
             return (pdf > 0.0).then_some(BsdfSample { wi, weight, lobe });
         }
         let weight = self.eval_base(wo, wi) * (PI / (1.0 - prob));
-        Some(BsdfSample { wi, weight, lobe: Lobe::Diffuse })
+        Some(BsdfSample { wi, weight, lobe: Lobe::Wide })
     }
 }

@@ -65,7 +65,7 @@ pub const SMOOTH_ALPHA: f32 = 1e-3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lobe {
     /// Wide: a numbered vertex, at which photons are merged and lights connected.
-    Diffuse,
+    Wide,
     /// Narrow, of finite density: passed through, but lights that cannot be hit are connected.
     Rough,
     /// A single direction: passed through.
@@ -76,7 +76,7 @@ impl Lobe {
     /// Returns true if vertices of this lobe are not numbered.
     #[inline]
     pub fn passes_through(self) -> bool {
-        self != Self::Diffuse
+        self != Self::Wide
     }
 }
 
@@ -194,7 +194,7 @@ impl Bsdf {
     #[inline]
     pub fn spread(&self) -> Option<Lobe> {
         let classes = self.traits().classes;
-        [Lobe::Diffuse, Lobe::Rough].into_iter().find(|lobe| classes.has(*lobe))
+        [Lobe::Wide, Lobe::Rough].into_iter().find(|lobe| classes.has(*lobe))
     }
 
     /// Returns true if the BSDF depends on [`Vertex::tangent`].

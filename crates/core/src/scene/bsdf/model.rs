@@ -11,7 +11,7 @@ use glam::Vec3;
 /// Classes of lobes that a surface has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Lobes {
-    /// Any lobe is [`Lobe::Diffuse`].
+    /// Any lobe is [`Lobe::Wide`].
     pub(super) diffuse: bool,
     /// Any lobe is [`Lobe::Rough`].
     pub(super) rough: bool,
@@ -24,7 +24,7 @@ impl Lobes {
     #[inline]
     pub(super) const fn of(lobe: Lobe) -> Self {
         Self {
-            diffuse: matches!(lobe, Lobe::Diffuse),
+            diffuse: matches!(lobe, Lobe::Wide),
             rough: matches!(lobe, Lobe::Rough),
             delta: matches!(lobe, Lobe::Delta),
         }
@@ -33,7 +33,7 @@ impl Lobes {
     #[inline]
     pub(super) fn has(self, lobe: Lobe) -> bool {
         match lobe {
-            Lobe::Diffuse => self.diffuse,
+            Lobe::Wide => self.diffuse,
             Lobe::Rough => self.rough,
             Lobe::Delta => self.delta,
         }
@@ -123,7 +123,7 @@ pub(super) trait Model: Describe {
 
 /// [`Model::values`] by the functions of each class.
 pub(super) fn values_by_class(model: &impl Model, at: &Vertex, wi: Vec3) -> [LobeValue; 2] {
-    [Lobe::Diffuse, Lobe::Rough].map(|lobe| {
+    [Lobe::Wide, Lobe::Rough].map(|lobe| {
         if !model.traits().classes.has(lobe) {
             return LobeValue::default();
         }

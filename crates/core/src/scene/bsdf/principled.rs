@@ -242,7 +242,7 @@ impl Principled {
         let LobeProbs { base, facets, coat } = self.probs(wo, front);
         let some = |lobe: Lobe, prob: f32| if wanted(lobe) { prob } else { 0.0 };
         LobeProbs {
-            base: some(Lobe::Diffuse, base),
+            base: some(Lobe::Wide, base),
             facets: some(self.facets_lobe(), facets),
             coat: some(Lobe::Rough, coat),
         }
@@ -350,7 +350,7 @@ impl Describe for Principled {
     #[inline]
     fn traits(&self) -> Traits {
         let facets = self.facets_lobe();
-        let diffuse = self.has_base() || facets == Lobe::Diffuse;
+        let diffuse = self.has_base() || facets == Lobe::Wide;
         let rough = self.has_coat() || facets == Lobe::Rough;
         Traits {
             classes: Lobes { diffuse, rough, delta: false },
@@ -380,7 +380,7 @@ impl LocalModel for Principled {
             return facets;
         }
         let coat = if wanted(Lobe::Rough) { self.eval_coat(wo, wi) } else { 0.0 };
-        let base = if wanted(Lobe::Diffuse) { self.eval_base(wo, wi) } else { Rgb::ZERO };
+        let base = if wanted(Lobe::Wide) { self.eval_base(wo, wi) } else { Rgb::ZERO };
         facets + base + coat
     }
 
@@ -416,7 +416,7 @@ impl LocalModel for Principled {
         }
         // A direction on the wrong side of the surface meets another facet: its light is lost.
         let (wi, lobe) = if chosen < probs.base {
-            (Some(cosine_hemisphere(Vec3::Z, rng.next_2d())), Lobe::Diffuse)
+            (Some(cosine_hemisphere(Vec3::Z, rng.next_2d())), Lobe::Wide)
         } else if chosen < probs.base + probs.coat {
             let wi = reflect(wo, self.coat.sample(rng.next_2d()));
             ((wi.z > 0.0).then_some(wi), Lobe::Rough)

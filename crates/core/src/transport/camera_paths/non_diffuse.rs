@@ -15,7 +15,7 @@ use crate::transport::path_state::{PathState, PathStates, other_surface};
 use crate::transport::suffix_cache::CellLight;
 
 /// A camera path at a surface that is not only diffuse.
-pub(super) struct Other<'a> {
+pub(super) struct ScalarVertex<'a> {
     pub surface: Surface<'a>,
     pub state: PathState,
     /// Length of the segment to it, scene units.
@@ -67,7 +67,7 @@ impl CameraPaths {
         hits: &HitPacket,
         lanes: u32,
         at: &mut DiffuseVertices,
-        others: &mut Vec<Other<'a>>,
+        others: &mut Vec<ScalarVertex<'a>>,
     ) {
         others.clear();
         pass.scene.read_ahead(hits, lanes);
@@ -75,7 +75,7 @@ impl CameraPaths {
             let ((ray, mut state), hit) = (states.get(lane), hits.get(lane));
             if let Some(surface) = other_surface(pass.scene, &ray, &hit, at, lane, &mut state) {
                 let distance = (surface.position - ray.origin).length();
-                let mut other = Other { surface, state, distance, cached: None };
+                let mut other = ScalarVertex { surface, state, distance, cached: None };
                 other.cached = pass.cached_light(&other);
                 others.push(other);
             }
@@ -90,8 +90,12 @@ impl CameraPaths {
 
     /// Handles a hit of a surface that is not only diffuse, but for its connections. Returns the
     /// next segment unless the path ends.
-    fn scatter_other(&mut self, pass: &CameraPass, other: &Other) -> Option<(Ray, PathState)> {
-        let Other { surface, state, .. } = other;
+    fn scatter_other(
+        &mut self,
+        pass: &CameraPass,
+        other: &ScalarVertex,
+    ) -> Option<(Ray, PathState)> {
+        let ScalarVertex { surface, state, .. } = other;
         let mut state = *state;
         let diffuse = state.history.diffuse();
         if self.counts_surface(pass, state.path, state.history) {
@@ -151,12 +155,12 @@ impl CameraPaths {
 
     /// Connects all vertices. Both lobes of a vertex share a light source, and most of them a
     /// shadow ray: sums of both are unbiased, too, and half as much work.
-    fn connect_others(&mut self, pass: &CameraPass, others: &mut [Other]) {
+    fn connect_others(&mut self, pass: &CameraPass, others: &mut [ScalarVertex]) {
         let mut receivers = [Receiver::default(); LANES];
         let mut rngs = [Rng::default(); LANES];
         let mut lobes = [(0, Connected::default()); LANES];
         let mut count = 0;
-        for (number, Other { surface, state, cached, .. }) in others.iter().enumerate() {
+        for (number, ScalarVertex { surface, state, cached, .. }) in others.iter().enumerate() {
             let diffuse = surface.bsdf.merges() && pass.connects() && cached.is_none();
             // Without MIS, photons contribute light of rough lobes after a diffuse vertex.
             let is_sampled = self.mis.is_some() || state.history.diffuse() == 0;
@@ -185,7 +189,7 @@ impl CameraPaths {
             lights.connect_each(&receivers[..count], &mut rngs[..count], &mut samples[..count]);
         }
         for (i, &(number, connected)) in lobes[..count].iter().enumerate() {
-            let Other { surface, state, .. } = &mut others[number];
+            let ScalarVertex { surface, state, .. } = &mut others[number];
             state.rng = rngs[i];
             self.connect_lobes(pass.scene, surface, state, connected, samples[i]);
         }
@@ -214,7 +218,7 @@ impl CameraPaths {
                 Rgb::ZERO
             }
         };
-        let mut sum = of(Lobe::Diffuse, &diffuse, connected.diffuse);
+        let mut sum = of(Lobe::Wide, &diffuse, connected.diffuse);
         let rough = of(Lobe::Rough, &rough, connected.rough);
         let start = surface.start(light.wi);
         let media = state.history.leaving(scene, surface, light.wi).media();

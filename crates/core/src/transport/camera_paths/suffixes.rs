@@ -1,7 +1,7 @@
 //! Suffixes of camera paths: full paths record them, and short paths end where a cache knows them.
 //! theory.md, section 11c.
 
-use super::non_diffuse::Other;
+use super::non_diffuse::ScalarVertex;
 use super::{CameraPass, CameraPaths};
 use crate::base::math::{Rgb, luminance};
 use crate::scene::bsdf::coats::CoatSamples;
@@ -43,8 +43,8 @@ impl CameraPass<'_> {
 
     /// Light that the cache knows for the lobes that merge at a vertex that is shaded alone.
     #[inline(always)] // part of the loop over such vertices
-    pub(super) fn cached_light(&self, other: &Other) -> Option<CellLight> {
-        let Other { surface, state, distance, .. } = other;
+    pub(super) fn cached_light(&self, other: &ScalarVertex) -> Option<CellLight> {
+        let ScalarVertex { surface, state, distance, .. } = other;
         let cache = self.cache?;
         if !surface.bsdf.merges() || !self.is_suffix(state.history) {
             return None;
@@ -128,10 +128,10 @@ impl CameraPaths {
     pub(super) fn ends_or_records(
         &mut self,
         pass: &CameraPass,
-        (other, carried): (&Other, Rgb),
+        (other, carried): (&ScalarVertex, Rgb),
         at: &Vertex,
     ) -> bool {
-        let Other { surface, state, distance, cached } = other;
+        let ScalarVertex { surface, state, distance, cached } = other;
         if let Some(light) = cached {
             self.add_cached(state.path, carried, light);
             return true;

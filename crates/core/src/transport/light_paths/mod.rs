@@ -41,7 +41,7 @@ pub struct LightPaths {
     pub interrupt: Option<Arc<AtomicBool>>,
     /// Keeps only paths that no camera path finds: from lights that no ray can hit, whose first
     /// vertex takes a single direction. Direct light must be connected.
-    pub unfindable_only: bool,
+    pub photon_only: bool,
 }
 
 impl LightPaths {
@@ -61,22 +61,13 @@ impl LightPaths {
         self.count = u64::from(light_paths);
         let count = light_paths.div_ceil(BATCH);
         self.batches.resize_with(count as usize, Batch::default);
-        let Self { batches, tracers, guide, areas, interrupt, unfindable_only, .. } = self;
-        let unfindable_only = *unfindable_only;
+        let Self { batches, tracers, guide, areas, interrupt, photon_only, .. } = self;
+        let photon_only = *photon_only;
         let (guide, areas) = (guide.as_deref(), areas.as_deref());
         let sets = StreamKey::new(settings.seed, Stream::LightPathSet, iteration);
         let splitting = settings.splitting as f32;
-        let pass = LightPass {
-            scene,
-            accel,
-            settings,
-            guide,
-            areas,
-            key,
-            sets,
-            splitting,
-            unfindable_only,
-        };
+        let pass =
+            LightPass { scene, accel, settings, guide, areas, key, sets, splitting, photon_only };
         let batches = batches.par_iter_mut().zip(0..count);
         batches.for_each_init(
             || tracers.lease(),
@@ -150,8 +141,8 @@ struct LightPass<'a> {
     sets: StreamKey,
     /// Factor on the number of continuations at the first diffuse vertex.
     splitting: f32,
-    /// See [`LightPaths::unfindable_only`].
-    unfindable_only: bool,
+    /// See [`LightPaths::photon_only`].
+    photon_only: bool,
 }
 
 impl LightPass<'_> {
@@ -167,10 +158,10 @@ impl LightPass<'_> {
     }
 
     /// Tests whether a path of this history ends at its next vertex unless that takes a single
-    /// direction: see [`LightPaths::unfindable_only`].
+    /// direction: see [`LightPaths::photon_only`].
     #[inline(always)] // part of vector loops
     fn leaves_out(&self, history: History) -> bool {
-        self.unfindable_only & history.is_start()
+        self.photon_only & history.is_start()
     }
 
     /// The independent sample that a light path belongs to: its set of Sobol points.

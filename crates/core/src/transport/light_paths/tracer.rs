@@ -104,7 +104,7 @@ impl Tracer {
                 // Black parts of pictures emit nothing.
                 *emitted = (lane < count) & (states.weight.get(lane) != Rgb::ZERO);
             }
-            if pass.unfindable_only {
+            if pass.photon_only {
                 let emitters = pass.scene.lights().emitters();
                 for (lane, emitted) in emitted.iter_mut().enumerate() {
                     let emitter = emitters.get(emissions.emitter[lane] as usize);

@@ -4,11 +4,11 @@ use super::super::camera_paths::{CameraPaths, MediumBeam, MediumPoint};
 use super::super::kernel::{ByClass, PathWavelengths, WavelengthFactors};
 use super::super::medium_kernel::{CutKernel, MediumKernel};
 use super::super::medium_photons::MediumPhotons;
+use super::super::near_planes::{NearPlanes, Surroundings};
 use super::super::pair_list::{Pair, PairList};
 use super::super::photon::{Photon, PhotonClass};
 use super::super::photon_map::{Range, Ranges};
 use super::super::photon_tree::Segment;
-use super::super::room::{Room, Surroundings};
 use super::{Merge, PathSums};
 use crate::base::math::{LUMINANCE, Rgb};
 use crate::scene::henyey_greenstein;
@@ -149,15 +149,15 @@ impl MediumMerge<'_> {
         pairs: &mut PairList,
     ) -> Merged {
         let MediumKernel { radius2, wavelengths, .. } = &self.kernel;
-        let room = self.surroundings.room(point.position, self.kernel.room_radius());
-        let kernels = self.kernel.cut_by(&room);
+        let planes = self.surroundings.planes(point.position, self.kernel.reach());
+        let kernels = self.kernel.cut_by(&planes);
         let wavelengths = point.wavelength.map(|own| wavelengths.around(own));
         let mut found = Merged::default();
         self.photons.map().for_each_in(ranges, point.position, |photon, distance2, _| {
             let of = photon.class() as usize;
             let is_merged = is_last || photon.class() == PhotonClass::Caustic;
             let is_inside =
-                distance2 <= radius2[of] && room.contains(photon.position - point.position);
+                distance2 <= radius2[of] && planes.contains(photon.position - point.position);
             if !(is_merged && is_inside) {
                 return;
             }
@@ -194,8 +194,8 @@ impl MediumMerge<'_> {
                 tree.for_each_near(&beam.segment, radius, |index, along| {
                     let photon = &tree.photons()[index];
                     if is_last || photon.class() == PhotonClass::Caustic {
-                        let room = self.photons.room(index);
-                        let around = (room, wavelengths.as_ref());
+                        let planes = self.photons.planes(index);
+                        let around = (planes, wavelengths.as_ref());
                         self.merge_at_foot::<PAIRS>(beam, photon, along, around, &mut found, pairs);
                     }
                 });
@@ -211,7 +211,7 @@ impl MediumMerge<'_> {
         beam: &MediumBeam,
         photon: &Photon,
         along: f32,
-        (room, wavelengths): (Option<&Room>, Option<&PathWavelengths>),
+        (planes, wavelengths): (Option<&NearPlanes>, Option<&PathWavelengths>),
         found: &mut Merged,
         pairs: &mut PairList,
     ) {
@@ -222,10 +222,10 @@ impl MediumMerge<'_> {
         if distance2 > self.kernel.radius2[of] {
             return;
         }
-        let kernel = match room {
+        let kernel = match planes {
             None => self.kernel.whole(of),
-            Some(room) if !room.contains(offset) => return,
-            Some(room) => self.kernel.cut_across(of, room, offset, direction),
+            Some(planes) if !planes.contains(offset) => return,
+            Some(planes) => self.kernel.cut_across(of, planes, offset, direction),
         };
         let Some(by_wavelength) = factors(wavelengths, photon) else { return };
         let cos = photon.direction().dot(direction);

@@ -6,7 +6,7 @@
 //! by zones of the map. Both orders differ in `Merge::merge_in_order` and `Merge::merge_by_zone`
 //! only and share all code for a query.
 
-mod crowded;
+mod reduced;
 mod medium_merge;
 mod output;
 mod point;
@@ -19,12 +19,12 @@ use super::kernel::{Admission, ByClass, MergeKernel, NestedRadii, PointKernels};
 use super::medium_kernel::MediumKernel;
 use super::medium_photons::MediumPhotons;
 use super::mis::Mis;
+use super::near_planes::Surroundings;
 use super::pair_list::PairList;
 use super::photon::PhotonClass;
 use super::photon_map::{MergeQueries, MergeQuery, PhotonMap, PointSearch, QueryKind, Ranges};
-use super::room::Surroundings;
 use crate::base::math::Rgb;
-use crate::simd::eight::{Eight, EightWork, by_eight};
+use crate::simd::f32x8::{F32x8, F32x8Work, by_f32x8};
 use crate::simd::{LANES, Mask, Vec3s};
 use medium_merge::MediumMerge;
 use std::array::from_fn;
@@ -126,11 +126,11 @@ struct MergePart<'a, 'b, const PAIRS: bool> {
     output: &'a mut MergeOutput,
 }
 
-impl<const PAIRS: bool> EightWork for MergePart<'_, '_, PAIRS> {
+impl<const PAIRS: bool> F32x8Work for MergePart<'_, '_, PAIRS> {
     type Output = bool;
 
     #[inline(always)]
-    fn run<E: Eight>(self, eight: E) -> bool {
+    fn run<E: F32x8>(self, eight: E) -> bool {
         let Self { merge, paths, part, output } = self;
         let MergeOutput { sums, pairs, caustics, annulus, workspace } = output;
         let sums = &mut PathSums { sums, caustics, annulus };
@@ -259,12 +259,12 @@ impl<'a> Merge<'a> {
         part: &ops::Range<usize>,
         output: &mut MergeOutput,
     ) -> bool {
-        by_eight(MergePart::<PAIRS> { merge: self, paths, part, output })
+        by_f32x8(MergePart::<PAIRS> { merge: self, paths, part, output })
     }
 
     /// Merges packet by packet.
     #[inline(always)] // vectorized
-    fn merge_in_order<E: Eight, const PAIRS: bool>(
+    fn merge_in_order<E: F32x8, const PAIRS: bool>(
         &self,
         batch: &Batch<E>,
         ranges: &mut Ranges,
@@ -295,7 +295,7 @@ impl<'a> Merge<'a> {
             }
             if !PAIRS {
                 kernels = self.kernels_where_lit(packet, &flux);
-                self.merge_crowded(batch, index, &kernels, ranges, [&mut flux, &mut inner]);
+                self.merge_reduced(batch, index, &kernels, ranges, [&mut flux, &mut inner]);
             }
             self.add_packet(packet, &kernels, &flux, Some(&inner), sums);
         }
@@ -305,7 +305,7 @@ impl<'a> Merge<'a> {
     /// Merges zone by zone: all queries in one part of the photon map, which read the same photons,
     /// before those in the next part.
     #[inline(always)] // vectorized
-    fn merge_by_zone<E: Eight, const PAIRS: bool>(
+    fn merge_by_zone<E: F32x8, const PAIRS: bool>(
         &self,
         batch: &Batch<E>,
         workspace: &mut Workspace,
@@ -353,7 +353,7 @@ impl<'a> Merge<'a> {
                 kernels[index] = self.kernels_where_lit(packet, flux);
                 let mut unused = <ByClass<Vec3s>>::default();
                 let inner = inner.as_deref_mut().unwrap_or(&mut unused);
-                self.merge_crowded(batch, index, &kernels[index], ranges, [flux, inner]);
+                self.merge_reduced(batch, index, &kernels[index], ranges, [flux, inner]);
             }
             self.add_packet(packet, &kernels[index], flux, inner.as_deref(), sums);
         }
@@ -378,7 +378,7 @@ impl<'a> Merge<'a> {
     /// Merges the photons in the ranges of up to sixteen queries; with `DOMAINS`, those of the
     /// kernels' domains.
     #[inline(always)] // vectorized
-    fn merge_ranges<E: Eight, const PAIRS: bool, const DOMAINS: bool>(
+    fn merge_ranges<E: F32x8, const PAIRS: bool, const DOMAINS: bool>(
         &self,
         batch: &Batch<E>,
         ranges: &Ranges,

@@ -11,13 +11,13 @@ use super::super::photon_map::{
 };
 use super::{Batch, Merge};
 use crate::base::math::{LUMINANCE, Rgb};
-use crate::simd::eight::Eight;
+use crate::simd::f32x8::F32x8;
 
 impl Merge<'_> {
     /// Merges the photons that one query finds. Where the BSDF is not constant, flux and weights
     /// include its value.
     #[inline(always)] // vectorized
-    pub(super) fn merge_point<E: Eight, const PAIRS: bool>(
+    pub(super) fn merge_point<E: F32x8, const PAIRS: bool>(
         &self,
         batch: &Batch<E>,
         search: &PointSearch,
@@ -50,7 +50,7 @@ impl Merge<'_> {
 
     /// Merges photons where the BSDF is constant. MIS weights are `weights` times `weight`.
     #[inline(always)] // vectorized
-    fn merge_lambertian<E: Eight, const PAIRS: bool>(
+    fn merge_lambertian<E: F32x8, const PAIRS: bool>(
         &self,
         batch: &Batch<E>,
         search: &PointSearch,
@@ -75,7 +75,7 @@ impl Merge<'_> {
     }
 
     #[inline(always)] // vectorized
-    fn merge_photons<E: Eight>(
+    fn merge_photons<E: F32x8>(
         &self,
         eight: E,
         search: &PointSearch,

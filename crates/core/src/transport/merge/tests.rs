@@ -6,7 +6,7 @@ use crate::base::math::{disc_area, luminance, uniform_sphere};
 use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::scene::bsdf::{Bsdf, Vertex};
 use crate::scene::diffuse::TriangleSide;
-use crate::simd::eight::Portable;
+use crate::simd::f32x8::Portable;
 use crate::transport::area::admission::THICKNESS;
 use crate::transport::gather::GatherView;
 use crate::transport::kernel::ByClass;
@@ -100,7 +100,7 @@ fn merged_light_does_not_depend_on_the_processor() {
         output.clear(part.len(), &options);
         let (merge, paths) = (&merge, &paths);
         let work = MergePart::<true> { merge, paths, part: &part, output: &mut output };
-        assert!(if portable { work.run(Portable) } else { by_eight(work) });
+        assert!(if portable { work.run(Portable) } else { by_f32x8(work) });
         output.pairs.order_by_path(part.clone());
         let pairs: Vec<_> = part
             .flat_map(|path| output.pairs.of_path(path))

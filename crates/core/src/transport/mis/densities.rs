@@ -59,9 +59,9 @@ impl Survival {
         if let Some(albedo) = bsdf.diffuse_albedo(at.front) {
             return if cos > 0.0 { self.lambertian(albedo.max_element()) } else { MIN_DENSITY };
         }
-        let pdf_w = bsdf.pdf_w(Lobe::Diffuse, at, wi);
+        let pdf_w = bsdf.pdf_w(Lobe::Wide, at, wi);
         let value = match self {
-            Self::Reflected => bsdf.eval_lobe(Lobe::Diffuse, at, wi),
+            Self::Reflected => bsdf.eval_lobe(Lobe::Wide, at, wi),
             _ => Rgb::ZERO,
         };
         self.density_of(&LobeValue { value, pdf_w }, cos)
@@ -93,7 +93,7 @@ pub enum PassChoice {
     /// All lobes.
     Free,
     /// Lobes that pass through: paths are cut at the others.
-    Forced,
+    PassOnly,
 }
 
 /// Density of going on toward `wi` from a rough lobe.
@@ -114,7 +114,7 @@ impl PassChoice {
         let density = rough_density_of(pdf_w, cos);
         match self {
             Self::Free => density,
-            Self::Forced => density / bsdf.pass_prob(at).max(MIN_DENSITY),
+            Self::PassOnly => density / bsdf.pass_prob(at).max(MIN_DENSITY),
         }
     }
 }
@@ -129,7 +129,7 @@ impl Directions {
         let at_camera = surface.vertex_from(self.camera, Transport::Radiance);
         let chosen = match choice {
             PassChoice::Free => 1.0,
-            PassChoice::Forced => bsdf.pass_prob(&at_camera).max(MIN_DENSITY),
+            PassChoice::PassOnly => bsdf.pass_prob(&at_camera).max(MIN_DENSITY),
         };
         let ratio = if lobe == Lobe::Delta {
             let refracted = self.light.dot(surface.normal) * self.camera.dot(surface.normal) < 0.0;
@@ -278,7 +278,7 @@ mod tests {
                 if sample.lobe.passes_through() {
                     let ways = Directions { camera, light: sample.wi };
                     let from_light = surface(&material, sample.wi, normal);
-                    for choice in [PassChoice::Free, PassChoice::Forced] {
+                    for choice in [PassChoice::Free, PassChoice::PassOnly] {
                         let both = [from_camera, from_light]
                             .map(|surface| ways.light_over_camera(&surface, sample.lobe, choice));
                         assert!((both[0] / both[1] - 1.0).abs() < 1e-4, "{bsdf:?} {both:?}");
@@ -319,9 +319,7 @@ mod tests {
             for _ in 0..500 {
                 let (camera, wi) = (direction(&mut rng), direction(&mut rng));
                 let at = surface(&material, camera, None).vertex(Transport::Radiance);
-                for (lobe, both) in
-                    [Lobe::Diffuse, Lobe::Rough].into_iter().zip(bsdf.lobes(&at, wi))
-                {
+                for (lobe, both) in [Lobe::Wide, Lobe::Rough].into_iter().zip(bsdf.lobes(&at, wi)) {
                     let (value, pdf_w) = (bsdf.eval_lobe(lobe, &at, wi), bsdf.pdf_w(lobe, &at, wi));
                     assert!(close(pdf_w, both.pdf_w), "{bsdf:?} {lobe:?} {pdf_w} {}", both.pdf_w);
                     for channel in 0..3 {
@@ -345,7 +343,7 @@ mod tests {
             let (n, mut sum, mut square) = (100_000, 0.0, 0.0);
             for _ in 0..n {
                 let sample = bsdf.sample(&at, Transport::Flux, LobeSet::All, &mut rng);
-                let sample = sample.filter(|s| s.lobe == Lobe::Diffuse && s.wi.z > 0.6);
+                let sample = sample.filter(|s| s.lobe == Lobe::Wide && s.wi.z > 0.6);
                 let one = sample
                     .map_or(0.0, |s| 1.0 / f64::from(Survival::Certain.density(&bsdf, &at, s.wi)));
                 sum += one / f64::from(n);

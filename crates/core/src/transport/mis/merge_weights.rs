@@ -2,7 +2,7 @@
 
 use super::Mis;
 use super::weights::{GatherPartials, PhotonPartials, merge_weight, partial_index};
-use crate::simd::eight::Eight;
+use crate::simd::f32x8::F32x8;
 use crate::transport::gather::{GatherPoint, GatherView};
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
@@ -63,7 +63,7 @@ impl<const VERTEX: usize> PhotonWeights for VertexWeights<VERTEX> {
     }
 
     #[inline(always)]
-    fn of_octet<E: Eight>(
+    fn of_octet<E: F32x8>(
         &self,
         eight: E,
         mis_partials: &[OctetPartials],
@@ -95,7 +95,7 @@ impl PhotonWeights for CutWeights {
     }
 
     #[inline(always)]
-    fn of_octet<E: Eight>(
+    fn of_octet<E: F32x8>(
         &self,
         _: E,
         _: &[OctetPartials],

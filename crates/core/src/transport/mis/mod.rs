@@ -93,7 +93,7 @@ impl Mis {
     /// Lobes from which camera paths choose after this number of diffuse vertices.
     pub fn pass_choice(&self, diffuse: u32) -> PassChoice {
         match self.last_vertex {
-            Some(last) if diffuse + 1 >= last => PassChoice::Forced,
+            Some(last) if diffuse + 1 >= last => PassChoice::PassOnly,
             _ => PassChoice::Free,
         }
     }

@@ -1,7 +1,7 @@
 //! MIS weights of photons, as the loop over photons applies them.
 
 use super::OCTET;
-use crate::simd::eight::Eight;
+use crate::simd::f32x8::F32x8;
 use crate::transport::kernel::ByClass;
 
 /// MIS partials of the photons of an octet, for merges at first and at second vertices.
@@ -17,7 +17,7 @@ pub(crate) trait PhotonWeights {
 
     /// Further weights of the photons of an octet, from their MIS partials; `None` if all are 1.
     /// `is_caustic` selects the caustic photons.
-    fn of_octet<E: Eight>(
+    fn of_octet<E: F32x8>(
         &self,
         eight: E,
         mis_partials: &[OctetPartials],
@@ -38,7 +38,7 @@ impl PhotonWeights for Unweighted {
     }
 
     #[inline(always)]
-    fn of_octet<E: Eight>(
+    fn of_octet<E: F32x8>(
         &self,
         _: E,
         _: &[OctetPartials],

@@ -14,7 +14,7 @@ use super::light_paths::LightPaths;
 use super::mis::weights::PhotonPartials;
 use super::photon::{Extent, Photon};
 use crate::base::math::{Bounds, Rgb};
-use crate::simd::eight::{Eight, Portable};
+use crate::simd::f32x8::{F32x8, Portable};
 use crate::simd::{LANES, Mask, Vec3s, bits, lanes_of};
 use build::{PhotonChunk, PhotonSlices};
 use glam::{Vec3, Vec3A};
@@ -330,7 +330,7 @@ impl PhotonMap {
     /// Merges the photons of a search that count: returns their flux, and adds each to `pairs`.
     /// `ANNULUS` adds the flux within half the merge radii, which costs a test for each photon.
     #[inline(always)] // vectorized
-    pub(crate) fn merge<E: Eight, const ANNULUS: bool>(
+    pub(crate) fn merge<E: F32x8, const ANNULUS: bool>(
         &self,
         eight: E,
         search: &PointSearch,

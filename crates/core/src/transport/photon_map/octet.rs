@@ -3,7 +3,7 @@
 use super::mis_weights::PhotonWeights;
 use super::queries::MergeQuery;
 use crate::base::math::Rgb;
-use crate::simd::eight::{EIGHT, Eight};
+use crate::simd::f32x8::{EIGHT, F32x8};
 use crate::transport::kernel::{Admission, ByClass, PointKernel};
 use crate::transport::pair_list::Pair;
 use crate::transport::photon::{Arrival, Photon, PhotonClass, PhotonSide};
@@ -29,7 +29,7 @@ pub struct Octet {
 
 /// A merge query with its kernel and weights, in all lanes.
 #[derive(Clone, Copy)]
-pub struct OctetQuery<E: Eight> {
+pub struct OctetQuery<E: F32x8> {
     eight: E,
     position: [E::Floats; 3],
     radius2: ByClass<E::Floats>,
@@ -56,7 +56,7 @@ pub struct OctetQuery<E: Eight> {
 
 /// Photons of an octet, as a query sees them.
 #[derive(Clone, Copy)]
-pub struct Admitted<E: Eight> {
+pub struct Admitted<E: F32x8> {
     /// The photons that count.
     pub count: E::Mask,
     /// Squares of the smallest radii within which they may count: [`Admission::min_radius2`].
@@ -66,9 +66,9 @@ pub struct Admitted<E: Eight> {
 /// Sum of flux by photon class, lane by lane: the order of additions is the order of the photons. A
 /// uniform query adds all flux to the diffuse class.
 #[derive(Clone, Copy)]
-pub struct FluxSum<E: Eight>(ByClass<[E::Floats; 3]>);
+pub struct FluxSum<E: F32x8>(ByClass<[E::Floats; 3]>);
 
-impl<E: Eight> OctetQuery<E> {
+impl<E: F32x8> OctetQuery<E> {
     /// Prepares a query for the loop over octets.
     #[inline(always)] // part of the loop over photons, as the functions below
     pub fn new<W: PhotonWeights>(
@@ -104,7 +104,7 @@ impl<E: Eight> OctetQuery<E> {
     }
 }
 
-impl<E: Eight> FluxSum<E> {
+impl<E: F32x8> FluxSum<E> {
     /// No flux.
     #[inline(always)]
     pub fn new(eight: E) -> Self {
@@ -125,7 +125,7 @@ impl<E: Eight> FluxSum<E> {
 }
 
 /// Receives the photons that a query merges.
-pub(crate) trait PairSink<E: Eight> {
+pub(crate) trait PairSink<E: F32x8> {
     /// Takes the photons of an octet that count, with the weights of single photons.
     fn add(
         &mut self,
@@ -139,13 +139,13 @@ pub(crate) trait PairSink<E: Eight> {
 /// Drops the pairs where sums suffice.
 pub(crate) struct NoPairs;
 
-impl<E: Eight> PairSink<E> for NoPairs {
+impl<E: F32x8> PairSink<E> for NoPairs {
     #[inline(always)]
     fn add(&mut self, _: &Octet, _: &OctetQuery<E>, _: &Admitted<E>, _: Option<E::Floats>) {}
 }
 
 /// Writes the pairs of one gather point to a slice.
-pub(crate) struct PointPairs<'a, E: Eight> {
+pub(crate) struct PointPairs<'a, E: F32x8> {
     eight: E,
     /// Factors from flux to luminance at the point, for diffuse photons.
     weight: [E::Floats; 3],
@@ -154,7 +154,7 @@ pub(crate) struct PointPairs<'a, E: Eight> {
     nested: [E::Floats; 2],
 }
 
-impl<'a, E: Eight> PointPairs<'a, E> {
+impl<'a, E: F32x8> PointPairs<'a, E> {
     /// Prepares to write to `space`, which has a place for every photon of the octets that are
     /// searched.
     #[inline(always)]
@@ -171,7 +171,7 @@ impl<'a, E: Eight> PointPairs<'a, E> {
     }
 }
 
-impl<E: Eight> PairSink<E> for PointPairs<'_, E> {
+impl<E: F32x8> PairSink<E> for PointPairs<'_, E> {
     #[inline(always)]
     fn add(
         &mut self,
@@ -234,14 +234,14 @@ impl Octet {
 
     /// Bits of the lanes within a radius of a point.
     #[inline(always)]
-    pub fn within<E: Eight>(&self, eight: E, point: Vec3, radius2: f32) -> u32 {
+    pub fn within<E: F32x8>(&self, eight: E, point: Vec3, radius2: f32) -> u32 {
         let from = self.from(eight, &splat_vector(eight, point));
         eight.bits(eight.le(dot(&from, &from), eight.splat(radius2)))
     }
 
     /// Finds the photons that count.
     #[inline(always)]
-    pub fn admitted<E: Eight>(&self, query: &OctetQuery<E>) -> Admitted<E> {
+    pub fn admitted<E: F32x8>(&self, query: &OctetQuery<E>) -> Admitted<E> {
         let eight = query.eight;
         let from = self.from(eight, &query.position);
         let distance2 = dot(&from, &from);
@@ -274,7 +274,7 @@ impl Octet {
 
     /// In each lane the value of the photon's class.
     #[inline(always)]
-    fn by_class<E: Eight>(
+    fn by_class<E: F32x8>(
         &self,
         query: &OctetQuery<E>,
         [caustic, diffuse]: &ByClass<E::Floats>,
@@ -287,14 +287,14 @@ impl Octet {
 
     /// Selects the lanes of caustic photons.
     #[inline(always)]
-    pub fn is_caustic<E: Eight>(&self, eight: E) -> E::Mask {
+    pub fn is_caustic<E: F32x8>(&self, eight: E) -> E::Mask {
         let (selected, class) = Arrival::class_bits(PhotonClass::Caustic);
         eight.bits_equal(&self.side, selected, class)
     }
 
     /// Adds the flux of some lanes, times the weights of single photons.
     #[inline(always)]
-    pub fn add_to<E: Eight>(
+    pub fn add_to<E: F32x8>(
         &self,
         sum: &mut FluxSum<E>,
         query: &OctetQuery<E>,
@@ -313,7 +313,7 @@ impl Octet {
     }
 
     #[inline(always)]
-    fn add_lanes<E: Eight>(
+    fn add_lanes<E: F32x8>(
         &self,
         eight: E,
         sum: &mut [E::Floats; 3],
@@ -329,7 +329,7 @@ impl Octet {
 
     /// Selects the lanes that count within half the merge radius.
     #[inline(always)]
-    pub fn within_half<E: Eight>(&self, query: &OctetQuery<E>, admitted: &Admitted<E>) -> E::Mask {
+    pub fn within_half<E: F32x8>(&self, query: &OctetQuery<E>, admitted: &Admitted<E>) -> E::Mask {
         let half2 = self.by_class(query, &query.nested2[1]);
         admitted.count & query.eight.le(admitted.min_radius2, half2)
     }
@@ -337,7 +337,7 @@ impl Octet {
     /// Values at the merge radius less those at `1/sqrt(2)` of it, and the latter less those at
     /// half of it: theory.md (68).
     #[inline(always)]
-    fn nested<E: Eight>(
+    fn nested<E: F32x8>(
         &self,
         query: &OctetQuery<E>,
         admitted: &Admitted<E>,
@@ -352,7 +352,7 @@ impl Octet {
 
     /// Values at a nested radius.
     #[inline(always)]
-    fn nested_at<E: Eight>(
+    fn nested_at<E: F32x8>(
         &self,
         query: &OctetQuery<E>,
         admitted: &Admitted<E>,
@@ -366,14 +366,14 @@ impl Octet {
 
     /// Luminances at the gather point.
     #[inline(always)]
-    fn values<E: Eight>(&self, query: &OctetQuery<E>, weight: &[E::Floats; 3]) -> E::Floats {
+    fn values<E: F32x8>(&self, query: &OctetQuery<E>, weight: &[E::Floats; 3]) -> E::Floats {
         let value = dot(&load_vectors(query.eight, &self.flux), weight);
         if query.is_uniform { value } else { value * self.by_class(query, &query.relative) }
     }
 
     /// Vectors from a point.
     #[inline(always)]
-    fn from<E: Eight>(&self, eight: E, point: &[E::Floats; 3]) -> [E::Floats; 3] {
+    fn from<E: F32x8>(&self, eight: E, point: &[E::Floats; 3]) -> [E::Floats; 3] {
         let [x, y, z] = load_vectors(eight, &self.position);
         [x - point[0], y - point[1], z - point[2]]
     }
@@ -389,21 +389,21 @@ fn dot<F: Copy + Add<Output = F> + Mul<Output = F>>(
 }
 
 #[inline(always)]
-fn splat_vector<E: Eight>(eight: E, vector: Vec3) -> [E::Floats; 3] {
+fn splat_vector<E: F32x8>(eight: E, vector: Vec3) -> [E::Floats; 3] {
     [eight.splat(vector.x), eight.splat(vector.y), eight.splat(vector.z)]
 }
 
 #[inline(always)]
-fn splat_classes<E: Eight>(eight: E, [caustic, diffuse]: ByClass<f32>) -> ByClass<E::Floats> {
+fn splat_classes<E: F32x8>(eight: E, [caustic, diffuse]: ByClass<f32>) -> ByClass<E::Floats> {
     [eight.splat(caustic), eight.splat(diffuse)]
 }
 
 #[inline(always)]
-fn load_vectors<E: Eight>(eight: E, [x, y, z]: &[[f32; OCTET]; 3]) -> [E::Floats; 3] {
+fn load_vectors<E: F32x8>(eight: E, [x, y, z]: &[[f32; OCTET]; 3]) -> [E::Floats; 3] {
     [eight.load(x), eight.load(y), eight.load(z)]
 }
 
 #[inline(always)]
-fn sum_vector<E: Eight>(eight: E, [x, y, z]: &[E::Floats; 3]) -> Rgb {
+fn sum_vector<E: F32x8>(eight: E, [x, y, z]: &[E::Floats; 3]) -> Rgb {
     Rgb::new(eight.sum(*x), eight.sum(*y), eight.sum(*z))
 }

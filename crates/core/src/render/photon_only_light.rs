@@ -9,7 +9,7 @@ const SUN: f64 = 1e-3;
 
 /// Whether a scene may have light that only photons find: of lights that no ray can hit, through
 /// glass or mirrors.
-pub fn has_unfindable_light(scene: &Scene) -> bool {
+pub fn has_photon_only_light(scene: &Scene) -> bool {
     let is_single = |own: &Material| own.bsdf.passes_through() && !own.is_index_matched_boundary();
     scene.lights().emitters().iter().any(Emitter::is_delta)
         && placed_materials(scene).any(is_single)

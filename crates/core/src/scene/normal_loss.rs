@@ -11,7 +11,7 @@ const MAP_SIDE: u32 = 128;
 
 /// Light that the normals of a material lose.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LostLight {
+pub struct NormalLoss {
     /// Name of the material.
     pub material: String,
     /// Share of uniform light that is lost at each reflection, mean over the area of the material.
@@ -23,7 +23,7 @@ pub struct LostLight {
 impl Scene {
     /// Materials whose normals lose light, in the order of the materials. Lambertian surfaces with
     /// smooth normals lose none: theory.md (33a).
-    pub fn light_lost_by_normals(&self) -> Vec<LostLight> {
+    pub fn light_lost_by_normals(&self) -> Vec<NormalLoss> {
         // Area and lost area of each material
         let mut sums: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
         for (placement, first) in self.placements.iter().zip(self.first_triangle.iter()) {
@@ -51,7 +51,7 @@ impl Scene {
         sums.into_iter()
             .map(|(index, sums)| (&self.materials[index as usize], sums))
             .filter(|(material, [area, lost])| scatters(material) && *lost > 0.0 && *area > 0.0)
-            .map(|(material, [area, lost])| LostLight {
+            .map(|(material, [area, lost])| NormalLoss {
                 material: material.name.clone(),
                 share: (lost / area).min(1.0),
             })
@@ -105,7 +105,7 @@ mod tests {
     use std::sync::Arc;
 
     /// A square of each material; `normals` are those of all its corners.
-    fn lost_light(squares: &[(Material, Vec<Vec3>)]) -> Vec<LostLight> {
+    fn normal_loss(squares: &[(Material, Vec<Vec3>)]) -> Vec<NormalLoss> {
         let mesh = |(material, (_, normals)): (u32, &(Material, Vec<Vec3>))| Mesh {
             positions: vec![Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y],
             uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
@@ -134,7 +134,7 @@ mod tests {
         let texels = vec![[223, 128, 255, 255], [128, 128, 255, 255]];
         let texture = Arc::new(Texture::new(2, 1, texels));
         let map = Some(NormalMap { texture, scale: 1.0 });
-        let found = lost_light(&[
+        let found = normal_loss(&[
             (white("flat"), vec![]),
             (white("smooth"), tilted(10.0)),
             (white("coarse"), tilted(30.0)),

@@ -32,7 +32,7 @@ const SAME: f32 = 0.99;
 
 /// Planes of the surfaces around a point.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Room {
+pub struct NearPlanes {
     /// Unit normals away from the point, and distances, the nearest first.
     planes: [Vec4; MAX_PLANES],
     count: u8,
@@ -63,7 +63,7 @@ fn spread<const N: usize>() -> [Vec3; N] {
     })
 }
 
-/// The surfaces of a scene, among which there are rooms.
+/// The surfaces of a scene, between which there are planes.
 #[derive(Clone, Copy)]
 pub struct Surroundings<'a> {
     /// The scene.
@@ -79,25 +79,31 @@ impl Surroundings<'_> {
     ///
     /// # Panics
     /// If the clearance is known within less than `radius` only.
-    pub fn room(&self, position: Vec3, radius: f32) -> Room {
+    pub fn planes(&self, position: Vec3, radius: f32) -> NearPlanes {
         assert!(self.clearance.distance() >= radius, "the clearance is that of smaller balls");
-        let mut room = Room::default();
+        let mut planes = NearPlanes::default();
         if self.clearance.is_free(position) {
-            return room;
+            return planes;
         }
-        self.cast(position, radius, &RAYS, &mut room);
+        self.cast(position, radius, &RAYS, &mut planes);
         // In a corner the nearest wall may hide the others from these rays. Rays along it find
         // them.
-        if let [nearest, ..] = room.planes() {
+        if let [nearest, ..] = planes.planes() {
             let frame = Frame::new(nearest.truncate());
             let along = |turn: Vec3| frame.to_world(turn);
-            self.cast(position, radius, &TURNS.map(along), &mut room);
+            self.cast(position, radius, &TURNS.map(along), &mut planes);
         }
-        room
+        planes
     }
 
     /// Adds the planes within `radius` that rays in these directions find.
-    fn cast(&self, position: Vec3, radius: f32, directions: &[Vec3; LANES], room: &mut Room) {
+    fn cast(
+        &self,
+        position: Vec3,
+        radius: f32,
+        directions: &[Vec3; LANES],
+        planes: &mut NearPlanes,
+    ) {
         let Self { scene, accel, .. } = *self;
         let t_far = RAY_LENGTH * radius;
         let rays = directions.map(|direction| Ray { t_far, ..Ray::new(position, direction) });
@@ -110,14 +116,14 @@ impl Surroundings<'_> {
                 let cos = normal.dot(*direction);
                 let distance = hit.t * cos.abs();
                 if distance < radius {
-                    room.add((cos.signum() * normal).extend(distance));
+                    planes.add((cos.signum() * normal).extend(distance));
                 }
             }
         }
     }
 }
 
-impl Room {
+impl NearPlanes {
     /// Adds a plane, unless it is one of those known or too far behind.
     fn add(&mut self, plane: Vec4) {
         let known = &mut self.planes[..usize::from(self.count)];
@@ -182,9 +188,9 @@ pub struct DiscCut {
 static AROUND: LazyLock<[Vec2; ACROSS]> =
     LazyLock::new(|| std::array::from_fn(|i| Vec2::from_angle(TAU * i as f32 / ACROSS as f32)));
 
-impl Room {
-    /// The lines that cut discs around a point at `offset` from the center of the room, within the
-    /// planes. The discs are perpendicular to the unit vector `normal`.
+impl NearPlanes {
+    /// The lines that cut discs around a point at `offset` from the point, within
+    /// the planes. The discs are perpendicular to the unit vector `normal`.
     pub fn across(&self, offset: Vec3, normal: Vec3) -> DiscCut {
         let frame = Frame::new(normal);
         let mut cut = DiscCut::default();
@@ -242,29 +248,29 @@ fn cap(distance: f32) -> f32 {
 mod tests {
     use super::*;
 
-    fn room(planes: &[[f32; 4]]) -> Room {
-        let mut room = Room::default();
-        planes.iter().for_each(|plane| room.add(Vec4::from_array(*plane)));
-        room
+    fn planes(all: &[[f32; 4]]) -> NearPlanes {
+        let mut planes = NearPlanes::default();
+        all.iter().for_each(|plane| planes.add(Vec4::from_array(*plane)));
+        planes
     }
 
     #[test]
     fn shares_of_a_ball_are_those_of_its_caps() {
-        let wall = room(&[[1.0, 0.0, 0.0, 0.0]]);
+        let wall = planes(&[[1.0, 0.0, 0.0, 0.0]]);
         assert!((wall.share(2.0) - 0.5).abs() < 1e-6);
-        assert_eq!(room(&[[1.0, 0.0, 0.0, 3.0]]).share(2.0), 1.0);
+        assert_eq!(planes(&[[1.0, 0.0, 0.0, 3.0]]).share(2.0), 1.0);
         // Walls on both sides: two caps
-        let slab = room(&[[1.0, 0.0, 0.0, 0.5], [-1.0, 0.0, 0.0, 0.25]]);
+        let slab = planes(&[[1.0, 0.0, 0.0, 0.5], [-1.0, 0.0, 0.0, 0.25]]);
         let expected = 1.0 - cap(0.5) - cap(0.25);
         assert!((slab.share(1.0) / expected - 1.0).abs() < 0.01, "{}", slab.share(1.0));
         // A corner of three walls at the center leaves an eighth.
-        let corner = room(&[[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0]]);
+        let corner = planes(&[[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0]]);
         assert!((corner.share(1.0) - 0.125).abs() < 0.01, "{}", corner.share(1.0));
     }
 
     #[test]
     fn shares_of_a_disc_are_those_of_its_segments() {
-        let wall = room(&[[1.0, 0.0, 0.0, 0.5]]);
+        let wall = planes(&[[1.0, 0.0, 0.0, 0.5]]);
         // At the wall, half of a disc along it, and all of a disc parallel to it
         assert!((wall.across(0.5 * Vec3::X, Vec3::Z).share(0.3) - 0.5).abs() < 1e-4);
         assert_eq!(wall.across(0.5 * Vec3::X, Vec3::X).share(0.3), 1.0);
@@ -276,26 +282,26 @@ mod tests {
         let tilted = Vec3::new(0.75f32.sqrt(), 0.0, 0.5);
         assert!((wall.across(0.25 * Vec3::X, tilted).share(1.0) - expected).abs() < 1e-6);
         // A corner at the center of the disc leaves a quarter.
-        let corner = room(&[[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]);
+        let corner = planes(&[[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]);
         assert!((corner.across(Vec3::ZERO, Vec3::Z).share(1.0) - 0.25).abs() < 0.02);
         // Walls on both sides
-        let slab = room(&[[1.0, 0.0, 0.0, 0.5], [-1.0, 0.0, 0.0, 0.25]]);
+        let slab = planes(&[[1.0, 0.0, 0.0, 0.5], [-1.0, 0.0, 0.0, 0.25]]);
         let expected = 1.0 - segment(0.5) - segment(0.25);
         assert!((slab.across(Vec3::ZERO, Vec3::Y).share(1.0) / expected - 1.0).abs() < 0.01);
     }
 
     #[test]
     fn nearest_planes_are_kept_once() {
-        let mut room = room(&[[1.0, 0.0, 0.0, 0.5], [0.999, 0.04, 0.0, 0.4]]);
-        assert_eq!(room.planes().len(), 1);
-        assert_eq!(room.planes()[0].w, 0.4);
+        let mut planes = planes(&[[1.0, 0.0, 0.0, 0.5], [0.999, 0.04, 0.0, 0.4]]);
+        assert_eq!(planes.planes().len(), 1);
+        assert_eq!(planes.planes()[0].w, 0.4);
         for (axis, distance) in [(Vec3::Y, 0.3), (Vec3::Z, 0.2), (-Vec3::X, 0.6), (-Vec3::Y, 0.1)] {
-            room.add(axis.extend(distance));
+            planes.add(axis.extend(distance));
         }
-        let distances: Vec<f32> = room.planes().iter().map(|plane| plane.w).collect();
+        let distances: Vec<f32> = planes.planes().iter().map(|plane| plane.w).collect();
         assert_eq!(distances, [0.1, 0.2, 0.3, 0.4]);
-        assert!(room.contains(Vec3::new(0.3, 0.2, 0.1)) && !room.contains(0.25 * Vec3::Z));
-        assert!(room.contains(-Vec3::X));
+        assert!(planes.contains(Vec3::new(0.3, 0.2, 0.1)) && !planes.contains(0.25 * Vec3::Z));
+        assert!(planes.contains(-Vec3::X));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::audit::{Audit, AuditPace};
 use super::denoise_mode::Denoise;
-use super::leader::Leader;
+use super::root_rank::RootRank;
 use super::run_clock::RunClock;
 use super::shard::ShardIterations;
 use super::state::RenderState;
@@ -54,10 +54,10 @@ pub(super) struct Run {
 
 impl RenderJob {
     /// Renders as the only process, or as that which leads the others.
-    pub(super) fn lead(
+    pub(super) fn run_root(
         mut self,
         ranks: &dyn Ranks,
-        leader: &mut Option<Leader>,
+        root: &mut Option<RootRank>,
         observer: &mut impl FnMut(Event) -> ControlFlow<()>,
     ) -> Result<RenderResult> {
         let start = self.started.unwrap_or_else(Instant::now);
@@ -66,8 +66,8 @@ impl RenderJob {
             return Err(Error::new("nothing can be rendered in a time of 0", advice));
         }
         let prepared = self.prepare()?;
-        if let Some(leader) = leader {
-            leader.check_workers(&prepared.provenance)?;
+        if let Some(root) = root {
+            root.check_workers(&prepared.provenance)?;
         }
         let mut run = self.planned_run(prepared, ranks)?;
         let renderer = self.first_renderer(&mut run, observer)?;
@@ -78,11 +78,11 @@ impl RenderJob {
             let _ = observer(Event::Warning(reduced_size::warning(time, size, full)));
         }
         if run.is_automatic && matches!(self.start, Start::New) {
-            renderer = self.choose(&mut run, renderer, leader.is_none(), observer)?;
+            renderer = self.choose(&mut run, renderer, root.is_none(), observer)?;
         }
         self.check_given_time(&run, observer)?;
-        let state = self.hand_over(run, renderer, leader, start)?;
-        iterate::run(state, leader, observer)
+        let state = self.hand_over(run, renderer, root, start)?;
+        iterate::run(state, root, observer)
     }
 
     /// Divides the time, and checks what needs no renderer.
@@ -237,7 +237,7 @@ impl RenderJob {
         mut self,
         run: Run,
         renderer: Renderer,
-        leader: &mut Option<Leader>,
+        root: &mut Option<RootRank>,
         start: Instant,
     ) -> Result<RenderState> {
         let Run { prepared, is_automatic, mut stop, iterations, mut config, selection, .. } = run;
@@ -252,8 +252,8 @@ impl RenderJob {
         let times = self.time_model(&provenance)?;
         let choice = (&mut stop, selection.as_ref());
         let policy = self.policy(&mut renderer, choice, times, iterations.as_ref())?;
-        if let Some(leader) = leader {
-            leader.set_up(&provenance, *renderer.config(), pace)?;
+        if let Some(root) = root {
+            root.set_up(&provenance, *renderer.config(), pace)?;
         }
         let earlier = self.audited.take();
         let audit = pace.map(|pace| threads.install(|| Audit::new(&renderer, pace))).transpose()?;

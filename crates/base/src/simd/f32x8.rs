@@ -13,7 +13,7 @@ use std::ops::{Add, BitAnd, Mul, Sub};
 pub const EIGHT: usize = 8;
 
 /// Instructions on eight lanes.
-pub trait Eight: Copy {
+pub trait F32x8: Copy {
     /// Eight numbers.
     type Floats: Copy
         + Add<Output = Self::Floats>
@@ -72,19 +72,19 @@ pub trait Eight: Copy {
 }
 
 /// Work with instructions on eight lanes.
-pub trait EightWork {
+pub trait F32x8Work {
     /// Its result.
     type Output;
 
     /// Does the work. Functions that it calls must be inlined. A closure, or the loop of
     /// `array::map`, may remain a function without AVX2 and then calls another one for each
     /// instruction.
-    fn run<E: Eight>(self, eight: E) -> Self::Output;
+    fn run<E: F32x8>(self, eight: E) -> Self::Output;
 }
 
 /// Runs `work`, compiled for AVX2 if the processor has it.
 #[inline(always)]
-pub fn by_eight<W: EightWork>(work: W) -> W::Output {
+pub fn by_f32x8<W: F32x8Work>(work: W) -> W::Output {
     #[cfg(target_arch = "x86_64")]
     if let Some(v3) = V3::try_new() {
         return pulp::Simd::vectorize(v3, OnEight(work, v3));
@@ -92,12 +92,12 @@ pub fn by_eight<W: EightWork>(work: W) -> W::Output {
     work.run(Portable)
 }
 
-/// Work of [`by_eight`] with AVX2.
+/// Work of [`by_f32x8`] with AVX2.
 #[cfg(target_arch = "x86_64")]
 struct OnEight<W>(W, V3);
 
 #[cfg(target_arch = "x86_64")]
-impl<W: EightWork> pulp::WithSimd for OnEight<W> {
+impl<W: F32x8Work> pulp::WithSimd for OnEight<W> {
     type Output = W::Output;
 
     #[inline(always)]
@@ -163,7 +163,7 @@ impl BitAnd for MaskHalves {
     }
 }
 
-impl Eight for Portable {
+impl F32x8 for Portable {
     type Floats = Halves;
     type Mask = MaskHalves;
 
@@ -293,7 +293,7 @@ mod avx2 {
         }
     }
 
-    impl Eight for V3 {
+    impl F32x8 for V3 {
         type Floats = Floats;
         type Mask = Mask;
 
@@ -416,11 +416,11 @@ mod tests {
     }
 
     /// The results of every operation, as bits.
-    impl EightWork for &Operands {
+    impl F32x8Work for &Operands {
         type Output = Vec<u32>;
 
         #[inline(always)]
-        fn run<E: Eight>(self, eight: E) -> Vec<u32> {
+        fn run<E: F32x8>(self, eight: E) -> Vec<u32> {
             let [a, b] = self.numbers.map(|numbers| eight.load(&numbers));
             let (all, lower) = (eight.le(b, b), eight.lt(a, b));
             let floats = [
@@ -504,7 +504,7 @@ mod tests {
             let compact: Vec<u32> =
                 lanes_of(lower).flat_map(|lane| [words[lane], b[lane].to_bits()]).collect();
             assert_eq!(portable[6 + 16 * 10..], compact);
-            assert_eq!(by_eight(&operands), portable);
+            assert_eq!(by_f32x8(&operands), portable);
         }
     }
 }

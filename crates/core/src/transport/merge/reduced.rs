@@ -6,14 +6,14 @@ use super::super::kernel::{ByClass, PointKernels};
 use super::super::pair_list::PairList;
 use super::super::photon_map::Ranges;
 use super::{Batch, Merge, PacketFlux};
-use crate::simd::eight::{Eight, EightWork, by_eight};
+use crate::simd::f32x8::{F32x8, F32x8Work, by_f32x8};
 use crate::simd::{LANES, Mask, Vec3s, any};
 use std::{ops, slice};
 
 impl Merge<'_> {
     /// Merges again where the kernels show that not all photons within the radii count.
     #[inline(always)] // vectorized
-    pub(super) fn merge_crowded<E>(
+    pub(super) fn merge_reduced<E>(
         &self,
         batch: &Batch<E>,
         index: usize,
@@ -21,17 +21,17 @@ impl Merge<'_> {
         ranges: &mut Ranges,
         flux: [&mut ByClass<Vec3s>; 2],
     ) {
-        let crowded = kernels.domain.map(|domain| !domain.is_whole());
-        if any(&crowded) {
+        let reduced = kernels.domain.map(|domain| !domain.is_whole());
+        if any(&reduced) {
             let Batch { paths, part, .. } = *batch;
-            let lanes = (index, crowded);
-            merge_again(CrowdedLanes { merge: self, paths, part, lanes, kernels, ranges, flux });
+            let lanes = (index, reduced);
+            merge_again(ReducedLanes { merge: self, paths, part, lanes, kernels, ranges, flux });
         }
     }
 }
 
 /// Points of a packet that are merged again, within their domains.
-struct CrowdedLanes<'a, 'b> {
+struct ReducedLanes<'a, 'b> {
     merge: &'a Merge<'a>,
     paths: &'a CameraPaths,
     part: &'a ops::Range<usize>,
@@ -44,19 +44,19 @@ struct CrowdedLanes<'a, 'b> {
 }
 
 #[inline(never)] // rare
-fn merge_again(crowded: CrowdedLanes) {
-    by_eight(crowded);
+fn merge_again(reduced: ReducedLanes) {
+    by_f32x8(reduced);
 }
 
-impl EightWork for CrowdedLanes<'_, '_> {
+impl F32x8Work for ReducedLanes<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<E: Eight>(self, eight: E) {
-        let Self { merge, paths, part, lanes: (index, crowded), kernels, ranges, flux } = self;
+    fn run<E: F32x8>(self, eight: E) {
+        let Self { merge, paths, part, lanes: (index, reduced), kernels, ranges, flux } = self;
         let batch = &Batch { eight, paths, part };
         let packet = &batch.packets()[index];
-        merge.map.find_ranges(&packet.position, &crowded, ranges);
+        merge.map.find_ranges(&packet.position, &reduced, ranges);
         let [flux, inner] = flux;
         let mut found = PacketFlux {
             first: index,

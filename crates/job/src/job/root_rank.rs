@@ -116,7 +116,7 @@ pub(super) fn render_assigned(
 }
 
 /// Rank 0 of several processes.
-pub(super) struct Leader<'a> {
+pub(super) struct RootRank<'a> {
     ranks: &'a dyn Ranks,
     exchange: Exchange,
     /// First iteration of the block that the workers render.
@@ -138,8 +138,8 @@ enum Stage {
     Nothing,
 }
 
-impl<'a> Leader<'a> {
-    /// A leader of `ranks`; `None` for a single process.
+impl<'a> RootRank<'a> {
+    /// The root of `ranks`; `None` for a single process.
     pub fn new(ranks: &'a dyn Ranks) -> Option<Self> {
         let exchange = Exchange::default();
         (ranks.count() > 1).then_some(Self {
