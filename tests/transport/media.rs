@@ -17,16 +17,26 @@ use std::sync::Arc;
 /// Pixels across and down.
 pub(super) const SIDE: u32 = 8;
 
-/// Ways to merge at one vertex: around points, and along segments.
-fn merging() -> [(Direct, u32, MediumQuery); 6] {
-    [
-        (Connect, 1, Points),
-        (Connect, 2, Points),
-        (PhotonMap, 1, Points),
-        (PhotonMap, 2, Points),
-        (Connect, 1, Beams),
-        (PhotonMap, 2, Beams),
-    ]
+/// Ways to merge around points and along segments: at one vertex, and with weights.
+fn merging(base: &Settings) -> Vec<(String, Settings)> {
+    let ways = [
+        (Strategy::Single, Connect, 1, Points),
+        (Strategy::Single, Connect, 2, Points),
+        (Strategy::Single, PhotonMap, 1, Points),
+        (Strategy::Single, PhotonMap, 2, Points),
+        (Strategy::Single, Connect, 1, Beams),
+        (Strategy::Single, PhotonMap, 2, Beams),
+        (Strategy::Mis, Connect, 2, Points),
+        (Strategy::Mis, Connect, 2, Beams),
+        (Strategy::Mis, PhotonMap, 2, Beams),
+        (Strategy::CutMis, Connect, 2, Beams),
+        (Strategy::CutMis, PhotonMap, 2, Points),
+    ];
+    let of = |(strategy, direct, merge_vertex, medium_query)| {
+        let name = format!("{direct:?} {strategy:?} k = {merge_vertex} {medium_query:?}");
+        (name, Settings { strategy, direct, merge_vertex, medium_query, ..base.clone() })
+    };
+    ways.map(of).into()
 }
 
 /// Mean of the image by each strategy.
@@ -39,10 +49,7 @@ pub(super) fn means(
     let mut all = Vec::new();
     let path = Settings { strategy: Strategy::Path, merge_vertex: 2, ..settings.clone() };
     let mut ways = vec![("path".to_owned(), path)];
-    for (direct, merge_vertex, medium_query) in merging() {
-        let name = format!("{direct:?} k = {merge_vertex} {medium_query:?}");
-        ways.push((name, Settings { direct, merge_vertex, medium_query, ..settings.clone() }));
-    }
+    ways.extend(merging(settings));
     for (name, settings) in ways {
         let subject = Subject { scene, accel: &accel, settings: &settings, region: &[] };
         let found = subject.rendered(settings.clone(), iterations);
@@ -220,20 +227,16 @@ fn all_strategies_make_the_image_of_the_path_tracer() {
     let path = Settings { strategy: Strategy::Path, merge_vertex: 2, ..base.clone() };
     let subject = |settings| Subject { scene, accel, settings, region: &[] };
     let expected = subject(&base).traced(8192);
-    let mut ways = vec![path];
-    for (direct, merge_vertex, medium_query) in merging() {
-        ways.push(Settings { direct, merge_vertex, medium_query, ..base.clone() });
-    }
-    for settings in &ways {
+    let mut ways = vec![("path".to_owned(), path)];
+    ways.extend(merging(&base));
+    for (name, settings) in &ways {
         let of = subject(settings);
         let found = match settings.strategy {
             Strategy::Path => of.rendered(Settings { camera_paths: 128, ..settings.clone() }, 20),
             _ => of.extrapolated(20),
         };
         let difference = found.against(&expected);
-        let Settings { strategy, direct, merge_vertex, medium_query, .. } = *settings;
-        let what =
-            format!("{strategy:?} {direct:?} k = {merge_vertex} {medium_query:?}: {difference}");
+        let what = format!("{name}: {difference}");
         println!("{what}");
         let Difference { off, error, z2, .. } = difference;
         assert!(error < 0.012, "says little: {what}");
@@ -253,23 +256,20 @@ fn fog_does_not_shine_through_a_wall() {
     let materials = vec![gray(0.5, 0.0), gray(0.0, 4.0)];
     let eye = camera(Vec3::new(-0.9, 0.1, 0.2), Vec3::new(1.0, 0.0, 0.0), 70.0);
     let scene = filled(scene(meshes, materials, vec![], eye), gray_medium(0.1, 2.0, 0.0));
-    for (direct, merge_vertex, medium_query) in merging() {
-        let settings = Settings {
-            direct,
-            merge_vertex,
-            medium_query,
-            kernel: Kernel::Area,
-            light_paths: 20_000,
-            camera_paths: 8,
-            radius: 0.1,
-            caustic_radius: 0.1,
-            ..settings(SIDE, SIDE)
-        };
+    let base = Settings {
+        kernel: Kernel::Area,
+        light_paths: 20_000,
+        camera_paths: 8,
+        radius: 0.1,
+        caustic_radius: 0.1,
+        ..settings(SIDE, SIDE)
+    };
+    for (name, settings) in merging(&base) {
         let mut renderer = Renderer::new(&scene, &accel(&scene), settings).unwrap();
         renderer.iterate(Measure::Off);
         let sums = renderer.film().sums.map_rows(|pixel| pixel.radiance);
         let is_dark = sums.iter().all(|radiance| *radiance == DVec3::ZERO);
-        assert!(is_dark, "{direct:?} k = {merge_vertex} {medium_query:?}");
+        assert!(is_dark, "{name}");
     }
 }
 
@@ -285,8 +285,15 @@ fn ink_ball(bsdf: Bsdf) -> Arc<Scene> {
 }
 
 #[test]
-fn weights_of_several_techniques_hold_in_dark_glass() {
-    let scene = &ink_ball(Bsdf::Dielectric(Dielectric::new(1.5)));
+fn weights_of_several_techniques_hold_around_ink() {
+    for bsdf in
+        [Bsdf::Dielectric(Dielectric::new(1.5)), Bsdf::ThinDielectric(ThinDielectric::new(1.0))]
+    {
+        compare_weighted(&ink_ball(bsdf));
+    }
+}
+
+fn compare_weighted(scene: &Arc<Scene>) {
     let accel = &accel(scene);
     let base = Settings {
         kernel: Kernel::Area,
@@ -299,8 +306,11 @@ fn weights_of_several_techniques_hold_in_dark_glass() {
         ..settings(SIDE, SIDE)
     };
     let expected = Subject { scene, accel, settings: &base, region: &[] }.traced(8192);
-    for strategy in [Strategy::Mis, Strategy::CutMis] {
+    for strategy in [Strategy::Mis, Strategy::CutMis, Strategy::PathCaustics] {
         for direct in [Connect, PhotonMap] {
+            if strategy.has_only_caustics() && direct == PhotonMap {
+                continue; // refused
+            }
             let settings = &Settings { strategy, direct, ..base.clone() };
             let own = Subject { scene, accel, settings, region: &[] };
             let difference = own.extrapolated(24).against(&expected);
@@ -315,14 +325,10 @@ fn weights_of_several_techniques_hold_in_dark_glass() {
 }
 
 #[test]
-fn weights_that_do_not_hold_are_refused() {
+fn photons_of_caustics_alone_are_refused_where_media_scatter() {
     let clear = ink_ball(Bsdf::ThinDielectric(ThinDielectric::new(1.0)));
-    for (scene, is_allowed) in [
-        (ink_ball(Bsdf::Dielectric(Dielectric::new(1.5))), true),
-        (clear, false),
-        (everything(), false),
-    ] {
-        for strategy in [Strategy::Mis, Strategy::CutMis] {
+    for (scene, is_allowed) in [(clear, true), (everything(), false)] {
+        for strategy in [Strategy::PathCaustics, Strategy::GatherCaustics] {
             let settings = Settings { strategy, merge_vertex: 2, ..settings(4, 4) };
             let made = Renderer::new(&scene, &accel(&scene), settings);
             assert_eq!(made.is_ok(), is_allowed, "{strategy:?}");

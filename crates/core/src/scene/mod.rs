@@ -315,9 +315,10 @@ impl Scene {
 
     /// What decides about options of a render.
     pub fn facts(&self) -> SceneFacts {
+        let any_medium_scatters = self.media().is_some_and(Media::any_scatters);
         SceneFacts {
-            allows_weighted_merges: self.media().is_none_or(Media::allows_weighted_merges),
-            any_medium_scatters: self.media().is_some_and(Media::any_scatters),
+            allows_caustics_alone: !any_medium_scatters,
+            any_medium_scatters,
             any_disperses: self.materials.iter().any(|material| material.dispersion.is_some()),
             has_meters: self.meters().is_some(),
         }

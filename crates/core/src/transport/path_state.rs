@@ -37,20 +37,23 @@ impl Columns<16> for PathStates {
 ///
 /// | bits | content |
 /// |---|---|
-/// | 10 | number of vertices at which it scattered diffusely |
+/// | 9 | number of vertices at which it scattered diffusely |
+/// | 1 | a medium scattered it |
 /// | 5 | number of vertices through which it passed, at most 31 |
 /// | 1 | it went straight through a slab |
 /// | 6 | the media around it, a [`MediumState`] |
 /// | 10 | index of its wavelength, 0 for none |
 ///
-/// Paths end by roulette long before 1,023 diffuse vertices, the most that are counted.
+/// Paths end by roulette long before 511 diffuse vertices, the most that are counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct History(u32);
 
 impl History {
     /// Bits for the diffuse vertices.
-    const DIFFUSE: u32 = (1 << 10) - 1;
+    const DIFFUSE: u32 = (1 << 9) - 1;
+    /// Set if a medium scattered the path.
+    const IN_MEDIUM: u32 = 1 << 9;
     /// Start and largest number of the vertices that the path passed through.
     const PASSED_AT: u32 = 10;
     const PASSED: u32 = (1 << 5) - 1;
@@ -64,7 +67,7 @@ impl History {
     /// Bits of both numbers and of the slab.
     const VERTICES: u32 = (1 << Self::MEDIA_AT) - 1;
 
-    /// A path of this wavelength at its diffuse vertex of this number, at most 1023.
+    /// A path of this wavelength at its diffuse vertex of this number, at most 511.
     pub fn at_vertex(vertex: u32, wavelength: Option<Wavelength>) -> Self {
         Self(vertex.min(Self::DIFFUSE)).with_wavelength(wavelength)
     }
@@ -86,6 +89,18 @@ impl History {
     #[must_use]
     pub fn scattered(self) -> Self {
         Self(self.0 + u32::from(self.diffuse() < Self::DIFFUSE))
+    }
+
+    /// Adds a vertex in a medium.
+    #[must_use]
+    pub fn scattered_in_medium(self) -> Self {
+        Self(self.scattered().0 | Self::IN_MEDIUM)
+    }
+
+    /// Returns true if a medium scattered the path.
+    #[inline(always)]
+    pub fn was_in_medium(self) -> bool {
+        self.0 & Self::IN_MEDIUM != 0
     }
 
     /// Adds a vertex passed through.
@@ -230,6 +245,10 @@ mod tests {
         assert_eq!(history.media(), MediumState(41));
         assert_eq!(history.within(MediumState(63)).media(), MediumState(63));
         assert_eq!(history.within(MediumState(63)).diffuse(), 300);
+        assert!(!history.was_in_medium());
+        let history = history.scattered_in_medium();
+        assert!(history.was_in_medium() && history.passed_through().was_in_medium());
+        assert_eq!((history.diffuse(), history.passed()), (301, 2));
     }
 
     #[test]
@@ -248,7 +267,7 @@ mod tests {
         }
         assert_eq!(
             (history.diffuse(), history.passed(), history.media()),
-            (1023, 31, MediumState(9))
+            (511, 31, MediumState(9))
         );
     }
 
@@ -260,10 +279,10 @@ mod tests {
         for _ in 0..2000 {
             history = history.scattered().passed_through();
         }
-        assert_eq!((history.diffuse(), history.passed()), (1023, 31));
+        assert_eq!((history.diffuse(), history.passed()), (511, 31));
         assert_eq!(history.wavelength(), wavelength);
         let other = history.with_wavelength(Wavelength::from_index(1));
-        assert_eq!((other.diffuse(), other.passed(), other.wavelength_index()), (1023, 31, 1));
+        assert_eq!((other.diffuse(), other.passed(), other.wavelength_index()), (511, 31, 1));
         assert_eq!(other.with_wavelength(None).wavelength(), None);
     }
 }

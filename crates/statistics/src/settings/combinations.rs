@@ -49,8 +49,8 @@ pub struct JobOptions {
 /// What decides in a scene about options. The default is a scene in which all of them work.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneFacts {
-    /// Weights of merges hold in all media.
-    pub allows_weighted_merges: bool,
+    /// No medium scatters light that photons of caustics alone would lack.
+    pub allows_caustics_alone: bool,
     /// Media scatter light.
     pub any_medium_scatters: bool,
     /// A material disperses light.
@@ -62,7 +62,7 @@ pub struct SceneFacts {
 impl Default for SceneFacts {
     fn default() -> Self {
         Self {
-            allows_weighted_merges: true,
+            allows_caustics_alone: true,
             any_medium_scatters: true,
             any_disperses: true,
             has_meters: false,
@@ -160,16 +160,12 @@ pub const COMBINATIONS: &[Combination] = &[
         |asked| uneven_sets(asked.settings.light_paths, asked.settings.sobol_set),
     ),
     refused(
-        [
-            "--strategy mis|cut-mis|path-caustics|gather-caustics",
-            "a medium that scatters, or outside of glass",
-        ],
-        "The weights do not know photons in media.",
-        |asked| asked.weighs_merges() && !asked.scene.allows_weighted_merges,
+        ["--strategy path-caustics|gather-caustics", "a medium that scatters"],
+        "Light that media scatter is that of photons, and these strategies have those of caustics alone.",
+        |asked| asked.settings.strategy.has_only_caustics() && !asked.scene.allows_caustics_alone,
         |asked| {
-            let name = asked.weighted_name();
-            let problem = format!("{name} supports only media that absorb, inside of glass");
-            Error::new(problem, "use the strategy `single` or `path`")
+            let problem = format!("{} in a medium that scatters", asked.weighted_name());
+            Error::new(problem, "use the strategy `mis`, `single` or `path`")
         },
     ),
     refused(

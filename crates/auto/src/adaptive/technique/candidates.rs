@@ -19,8 +19,6 @@ pub struct SceneTraits {
     pub needs_photons: bool,
     /// Mirrors or glass may cast caustics.
     pub has_casters: bool,
-    /// Weights of several techniques with photons hold in the media of the scene.
-    pub may_weight: bool,
     /// Media scatter light.
     pub media_scatter: bool,
     /// They may scatter it several times.
@@ -46,7 +44,6 @@ impl SceneTraits {
         Self {
             needs_photons: has_delta_lights && has_casters || has_rare_sunlight(scene),
             has_casters,
-            may_weight: scene.media().is_none_or(Media::allows_weighted_merges),
             media_scatter: scene.media().is_some_and(Media::any_scatters),
             media_are_dense: scene.media().is_some_and(is_dense),
             is_denoised,
@@ -56,17 +53,17 @@ impl SceneTraits {
 
     /// Strategies that may be chosen, with their merge vertices.
     fn strategies(&self) -> Vec<(Strategy, u32)> {
-        let Self { needs_photons, has_casters, may_weight, .. } = *self;
+        let Self { needs_photons, has_casters, .. } = *self;
         // Most light in media that scatter does not come from surfaces.
         let may_cache = !self.media_scatter && !self.has_meters;
-        let of_caustics = may_weight && (needs_photons || has_casters);
+        let of_caustics = !self.media_scatter && (needs_photons || has_casters);
         let all = [
             (Strategy::Single, 1, true),
-            (Strategy::Mis, 2, may_weight),
-            (Strategy::CutMis, 2, may_weight),
+            (Strategy::Mis, 2, true),
+            (Strategy::CutMis, 2, true),
             // Where several techniques are weighted, they have less noise; but a denoiser removes
             // more of what is gathered by paths of single pixels.
-            (Strategy::Single, 2, self.is_denoised || !may_weight),
+            (Strategy::Single, 2, self.is_denoised || self.media_scatter),
             (Strategy::Path, 2, !needs_photons),
             (Strategy::Gather, 2, !needs_photons && may_cache),
             (Strategy::PathCaustics, 2, of_caustics),
@@ -178,7 +175,7 @@ mod tests {
     #[test]
     fn final_gathering_is_tried_where_the_image_is_denoised() {
         let gathers = |is_denoised| {
-            let traits = SceneTraits { may_weight: true, is_denoised, ..Default::default() };
+            let traits = SceneTraits { is_denoised, ..Default::default() };
             let all = Technique::candidates(&settings(), FreeParameters::ALL, traits);
             let is_gathering =
                 |own: &&Technique| (own.strategy, own.merge_vertex) == (Strategy::Single, 2);
@@ -192,9 +189,7 @@ mod tests {
     fn dense_media_are_merged_around_points_as_well() {
         let all = |medium_query, media_scatter: bool, media_are_dense| {
             let open = FreeParameters { medium_query, ..FreeParameters::ALL };
-            let may_weight = !media_scatter;
-            let traits =
-                SceneTraits { may_weight, media_scatter, media_are_dense, ..Default::default() };
+            let traits = SceneTraits { media_scatter, media_are_dense, ..Default::default() };
             Technique::candidates(&settings(), open, traits)
         };
         let count =

@@ -106,12 +106,6 @@ impl Media {
         scattering.map(|medium| albedo(medium).max_element()).fold(0.0, f32::max)
     }
 
-    /// Returns true if the weights of merges among several techniques (`mis`, `cut-mis`) hold: they
-    /// know neither vertices in media, nor light paths that start anew behind a boundary.
-    pub fn allows_weighted_merges(&self) -> bool {
-        !self.any_scatters() && !self.has_index_matched()
-    }
-
     /// The medium that fills the space in a state; `None` for empty space.
     #[inline]
     pub fn medium(&self, state: MediumState) -> Option<&Medium> {

@@ -84,10 +84,7 @@ impl CameraPaths {
             // theory.md (37l)
             let scattered = medium.scattering * medium.transmittance(distance) / both;
             let mut contribution = state.weight * scattered * light.irradiance * phase;
-            if let Some(mis) = &self.mis {
-                let hit = phase * light.inverse_pdf_w;
-                contribution *= mis.balance.connection_weight(0.0, 0.0, hit);
-            }
+            contribution *= self.connection_weight_in_medium(phase * light.inverse_pdf_w);
             if self.records_aovs {
                 self.record_segment(state);
             }

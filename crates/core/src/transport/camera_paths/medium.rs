@@ -61,6 +61,12 @@ impl CameraPass<'_> {
         self.settings.medium_query == MediumQuery::Beams && self.gathers_at(vertex)
     }
 
+    /// Paths that a medium scatters are sampled by one technique: merges and connections at the
+    /// first vertex. theory.md (47m)
+    fn ends_in_media(&self) -> bool {
+        self.settings.strategy.weighs_merges()
+    }
+
     /// Weight of a merge in a medium; `None` if it is left out. theory.md (37o)
     fn merge_weight(&self, state: &PathState) -> Option<f32> {
         let share = self.settings.medium_share as f32;
@@ -83,6 +89,19 @@ impl CameraPaths {
     ) -> u32 {
         travel_all(states, hits, count, |ray, hit, state| {
             let medium = media.medium(state.history.media());
+            if let Some(medium) = medium.filter(|own| own.scatters())
+                && pass.ends_in_media()
+                && state.history.diffuse() > 0
+            {
+                // The first vertex merged with photons that the medium scattered.
+                let arrives = attenuate(medium, hit.t, state);
+                let passed = if arrives { cross(pass.scene, media, ray, hit, state) } else { None };
+                let goes_on = arrives && passed.is_none();
+                if let Some(Passed::Boundary(ray)) = passed {
+                    self.next.push_state(&ray, state);
+                }
+                return goes_on;
+            }
             let angles =
                 medium.and_then(|medium| self.connect_along(pass, medium, (ray, hit.t), state));
             let before = state.weight;
@@ -98,7 +117,7 @@ impl CameraPaths {
                 None => travel(pass.scene, media, ray, hit, state),
                 Some(medium) => {
                     self.merge_along(pass, medium, (ray, hit.t), state);
-                    if pass.goes_on_from(vertex) {
+                    if pass.goes_on_from(vertex) && !pass.ends_in_media() {
                         travel(pass.scene, media, ray, hit, state)
                     } else if self.end_in_medium(pass, medium, (ray, hit.t), share, state) {
                         cross(pass.scene, media, ray, hit, state)
@@ -154,11 +173,7 @@ impl CameraPaths {
         if self.records_aovs {
             self.record_segment(state);
         }
-        // theory.md (37b), and (44): what is left of it may not be worth following.
-        let left = medium.transmittance(length);
-        let survival = (left.max_element() / WEIGHT_FLOOR).min(1.0);
-        state.weight *= left / survival;
-        survival > 0.0 && (survival == 1.0 || state.rng.next_1d() < survival)
+        attenuate(medium, length, state)
     }
 
     /// Continues a path that met no surface that scatters. `share` is the weight of connections
@@ -216,7 +231,7 @@ impl CameraPaths {
                 wavelength,
             });
         }
-        if !pass.goes_on_from(number) {
+        if !pass.goes_on_from(number) || pass.ends_in_media() {
             return None;
         }
         state.history = state.history.scattered();
@@ -252,11 +267,30 @@ impl CameraPaths {
         let phase = medium.phase(direction, light.wi);
         // theory.md (37h)
         let mut contribution = state.weight * light.irradiance * (phase * share);
-        if let Some(mis) = &self.mis {
-            // Connections and hits of light sources sample the same paths.
-            contribution *= mis.balance.connection_weight(0.0, 0.0, phase * light.inverse_pdf_w);
-        }
+        contribution *= self.connection_weight_in_medium(phase * light.inverse_pdf_w);
         let path = Connections::path_in(state.path, state.history.media());
         self.queue_shadow_ray(path, contribution, light.target, position);
     }
+
+    /// Weight of a connection in a medium. `hit` is the density of hitting the light source over
+    /// that of the connection.
+    pub(super) fn connection_weight_in_medium(&self, hit: f32) -> f32 {
+        match &self.mis {
+            // Connections and hits of light sources sample the same paths, unless they end.
+            Some(mis) if !mis.balance.weighs_merges() => {
+                mis.balance.connection_weight(0.0, 0.0, hit)
+            }
+            Some(_) | None => 1.0,
+        }
+    }
+}
+
+/// Takes a path to the end of a segment of this length in a medium, by the share of the light that
+/// arrives there. Returns whether it survives.
+fn attenuate(medium: &Medium, length: f32, state: &mut PathState) -> bool {
+    // theory.md (37b), and (44): what is left of it may not be worth following.
+    let left = medium.transmittance(length);
+    let survival = (left.max_element() / WEIGHT_FLOOR).min(1.0);
+    state.weight *= left / survival;
+    survival > 0.0 && (survival == 1.0 || state.rng.next_1d() < survival)
 }

@@ -153,8 +153,7 @@ impl Tracer {
                 let (ray, mut state) = states.get(lane);
                 let hit = hits.get(lane);
                 if let Some(surface) = other_surface(scene, &ray, &hit, &mut at, lane, &mut state)
-                    && let Some((ray, state)) =
-                        self.scatter_other(pass, &surface, ray.origin, state)
+                    && let Some((ray, state)) = self.scatter_other(pass, &surface, state)
                 {
                     self.next.push_state(&ray, &state);
                 }
@@ -188,7 +187,7 @@ impl Tracer {
             self.medium_photons.push(photon);
         }
         if survives(weight * medium.scattering, &mut state) {
-            state.history = state.history.scattered();
+            state.history = state.history.scattered_in_medium();
             let next = medium.scatter(direction, &mut state.rng);
             self.next.push_state(&Ray::new(position, next), &state);
         }
@@ -310,7 +309,6 @@ impl Tracer {
         &mut self,
         pass: &LightPass,
         surface: &Surface,
-        origin: Vec3,
         mut state: PathState,
     ) -> Option<(Ray, PathState)> {
         let lights = pass.scene.lights();
@@ -330,7 +328,7 @@ impl Tracer {
         if self.only_caustics && !sample.lobe.passes_through() {
             return None;
         }
-        self.partials.scatter(lights, surface, origin, &state, &sample);
+        self.partials.scatter(lights, surface, &state, &sample);
         state.history = if sample.lobe.passes_through() {
             state.history.passed_through()
         } else {

@@ -61,7 +61,7 @@ impl Merge<'_> {
             medium.photons.map().find_ranges(&positions, &wanted, &mut ranges);
             for ranges in ranges.by_lane() {
                 let point = &points[ranges[0].lane];
-                let is_last = point.vertex == self.merge_vertex;
+                let is_last = self.merges_all_in_media(point.vertex);
                 let found = medium.merge::<PAIRS>(point, is_last, ranges, pairs);
                 self.add_in_media(&found, point.path, point.vertex, pairs, sums);
             }
@@ -70,7 +70,7 @@ impl Merge<'_> {
             }
         }
         for beam in paths.beams.iter().filter(|beam| part.contains(&(beam.path as usize))) {
-            let is_last = beam.vertex == self.merge_vertex;
+            let is_last = self.merges_all_in_media(beam.vertex);
             let found = medium.merge_along::<PAIRS>(beam, is_last, pairs);
             self.add_in_media(&found, beam.path, beam.vertex, pairs, sums);
             if are_too_many(pairs) {
@@ -78,6 +78,12 @@ impl Merge<'_> {
             }
         }
         true
+    }
+
+    /// Photons of all classes merge in media at the vertex of this number. With weights, paths end
+    /// where a medium scatters them: theory.md (47m).
+    fn merges_all_in_media(&self, vertex: u32) -> bool {
+        vertex == self.merge_vertex || self.options.mis.is_some()
     }
 
     /// Adds what was merged at a vertex of this number, or on the way to it.

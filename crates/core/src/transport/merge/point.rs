@@ -36,7 +36,8 @@ impl Merge<'_> {
             let weights = &VertexWeights::<1>::new(&mis, point, has_caustics);
             return self.merge_lambertian::<E, PAIRS>(batch, search, weights, 1.0, pairs);
         }
-        if mis.continues() || !mis.connects {
+        // Partials of photons tell which of them a medium scattered.
+        if mis.continues() || !mis.connects || self.medium.is_some() {
             let weights = &VertexWeights::<2>::new(&mis, point, has_caustics);
             return self.merge_lambertian::<E, PAIRS>(batch, search, weights, 1.0, pairs);
         }

@@ -2,7 +2,7 @@
 
 use super::Mis;
 use super::densities::{Directions, Survival};
-use super::weights::{LightPartial, PhotonPartials, StraightDensities};
+use super::weights::{Balance, LightPartial, PhotonPartials, StraightDensities};
 use crate::scene::bsdf::{BsdfSample, Lobe, Transport};
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::{Emissions, Lights, Receiver, Surface};
@@ -29,6 +29,8 @@ pub struct LightPartials {
 struct PathPartial {
     /// Number of the light source.
     emitter: u32,
+    /// Where the path started. Segments start anew at boundaries of media.
+    origin: Vec3,
     /// After the last vertex.
     partial: LightPartial,
 }
@@ -76,7 +78,7 @@ impl LightPartials {
             let ray = [emissions.origin.get(lane), emissions.direction.get(lane)];
             let emission = lights.emission_density(emitter as usize, ray);
             let partial = mis.balance.start(emission.map_or(0.0, f32::recip));
-            *path = PathPartial { emitter, partial };
+            *path = PathPartial { emitter, origin: ray[0], partial };
         }
     }
 
@@ -98,7 +100,9 @@ impl LightPartials {
     fn push(&mut self, path: u32, history: History) {
         let Some(mis) = self.mis else { return };
         let partial = &self.paths[(path - self.first) as usize].partial;
-        self.photons.push(if history.is_start() {
+        self.photons.push(if history.was_in_medium() {
+            Balance::PHOTON_FROM_MEDIUM
+        } else if history.is_start() {
             mis.balance.straight_photon(partial)
         } else {
             mis.balance.photon(partial, class_of(history))
@@ -122,7 +126,7 @@ impl LightPartials {
             let history = states.history[lane];
             let albedo = at.albedo.get(lane).max_element();
             let segment = FirstSegment {
-                ray: [states.origin.get(lane), states.direction.get(lane)],
+                ray: [path.origin, states.direction.get(lane)],
                 vertex: [at.position.get(lane), at.normal.get(lane)],
             };
             let [position, normal] = segment.vertex;
@@ -137,21 +141,19 @@ impl LightPartials {
         }
     }
 
-    /// Updates the partial of a path that goes on from any vertex. `state` is as before scattering;
-    /// `origin` is the start of the segment to the vertex.
+    /// Updates the partial of a path that goes on from any vertex. `state` is as before scattering.
     pub(in crate::transport) fn scatter(
         &mut self,
         lights: &Lights,
         surface: &Surface,
-        origin: Vec3,
         state: &PathState,
         sample: &BsdfSample,
     ) {
         let Some(mis) = self.mis else { return };
         let path = &mut self.paths[(state.path - self.first) as usize];
         let directions = Directions { camera: sample.wi, light: surface.wo };
-        let segment =
-            FirstSegment { ray: [origin, -surface.wo], vertex: [surface.position, surface.normal] };
+        let vertex = [surface.position, surface.normal];
+        let segment = FirstSegment { ray: [path.origin, -surface.wo], vertex };
         let is_first_rough = state.history.is_start() && sample.lobe == Lobe::Rough;
         if sample.lobe.passes_through() && !is_first_rough {
             let ratio = directions.light_over_camera(surface, sample.lobe, mis.pass_choice(1));
