@@ -59,6 +59,7 @@ fn is_different(
 mod tests {
     use super::*;
     use bdpm_core::base::rng::{Stream, StreamKey};
+    use bdpm_core::film::radiance::luminance_weights;
 
     const PIXELS: usize = 2000;
 
@@ -70,6 +71,35 @@ mod tests {
             (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
         };
         (0..PIXELS).map(|_| [mean + noise * normal(), noise * noise]).collect()
+    }
+
+    /// In a dark image a lamp behind glass is hit by few camera paths. Weights by an image that
+    /// shows these hits would call the light of photons a leak.
+    #[test]
+    fn rare_hits_of_path_tracing_refute_nothing() {
+        let (paths, hit, light) = (400.0, 4000.0, 0.1);
+        let mut rng = StreamKey::new(3, Stream::Test, 4).rng(0);
+        let hits_of_pixel = light * paths / hit;
+        let mut refuted_by_mean = 0;
+        for run in 0..20 {
+            let mut path = vec![[0.0; 2]; PIXELS];
+            for [value, variance] in &mut path {
+                if f64::from(rng.next_1d()) < hits_of_pixel {
+                    (*value, *variance) = (hit / paths, (hit / paths).powi(2));
+                }
+            }
+            let photons = image(run, light, 0.03);
+            let both = photons.iter().zip(&path);
+            let mean: Vec<f64> = both.map(|(own, other)| 0.5 * (own[0] + other[0])).collect();
+            let own: Vec<f64> = photons.iter().map(|own| own[0]).collect();
+            let refutes = |by: &[f64]| {
+                let weights = luminance_weights(by);
+                is_different([&photons, &path], &weights, paths, (1e-3, hit))
+            };
+            assert!(!refutes(&own));
+            refuted_by_mean += u32::from(refutes(&mean));
+        }
+        assert!(refuted_by_mean > 4, "{refuted_by_mean}");
     }
 
     #[test]

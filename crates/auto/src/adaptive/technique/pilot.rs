@@ -153,8 +153,8 @@ impl Pilot<'_> {
         for tried in &mut self.tried {
             tried.trials[0].set_missed_light(self.least_luminance);
         }
+        self.refute();
         let weights = self.weights();
-        self.refute(&weights);
         let tried = take(&mut self.tried).into_iter();
         let mut ranked: Vec<_> = tried.map(|own| (self.rank(&own, &weights), own)).collect();
         ranked.sort_by(|one, other| one.0.total_cmp(&other.0));
@@ -176,8 +176,13 @@ impl Pilot<'_> {
     }
 
     /// Leaves out techniques whose trials disagree with that of path tracing.
-    fn refute(&mut self, weights: &[f64]) {
+    fn refute(&mut self) {
         let Some(path) = self.tried.iter().find(|own| !own.technique.merges()) else { return };
+        let merging = self.tried.iter().filter(|own| own.technique.merges());
+        let luminances = |own: &Tried| {
+            own.trials[0].noise.pixels.iter().map(|pixel| pixel.luminance).collect::<Vec<_>>()
+        };
+        let weights = &median_weights(&merging.map(luminances).collect::<Vec<_>>());
         let brightest = self.runner.brightest();
         let is_refuted = |own: &&Tried| {
             let trial = &own.trials[0];
@@ -326,6 +331,19 @@ impl Tried {
         let all = [(PhotonClass::Diffuse, has_diffuse), (PhotonClass::Caustic, has_caustics)];
         all.into_iter().filter(|(_, is_merged)| *is_merged).map(|(class, _)| class)
     }
+}
+
+/// Weights of the pixels' squared errors by the median of several luminances of them. Rare hits of
+/// path tracing do not change them: the differences at the hits would count for less than those
+/// everywhere else, which they balance.
+fn median_weights(luminances: &[Vec<f64>]) -> Vec<f64> {
+    let pixels = luminances.first().map_or(0, Vec::len);
+    let median = |pixel: usize| {
+        let mut all: Vec<f64> = luminances.iter().map(|own| own[pixel]).collect();
+        all.sort_by(f64::total_cmp);
+        all[(all.len() - 1) / 2]
+    };
+    luminance_weights(&(0..pixels).map(median).collect::<Vec<_>>())
 }
 
 /// Weights of the pixels' squared errors by the mean of several luminances of them, so that all

@@ -62,7 +62,7 @@ impl CameraPass<'_> {
     }
 
     /// Paths that a medium scatters are sampled by one technique: merges and connections at the
-    /// first vertex. theory.md (47m)
+    /// first vertex. theory.md (47p)
     fn ends_in_media(&self) -> bool {
         self.settings.strategy.weighs_merges()
     }

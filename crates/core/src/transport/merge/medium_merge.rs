@@ -81,7 +81,7 @@ impl Merge<'_> {
     }
 
     /// Photons of all classes merge in media at the vertex of this number. With weights, paths end
-    /// where a medium scatters them: theory.md (47m).
+    /// where a medium scatters them: theory.md (47p).
     fn merges_all_in_media(&self, vertex: u32) -> bool {
         vertex == self.merge_vertex || self.options.mis.is_some()
     }

@@ -152,7 +152,7 @@ impl Balance {
     }
 
     /// Partials of a photon that a medium scattered: merges at first vertices alone sample its path.
-    /// theory.md (47m)
+    /// theory.md (47p)
     pub const PHOTON_FROM_MEDIUM: PhotonPartials = [0.0, -1.0];
 
     /// Partials of a photon straight from its light source: merged at first vertices only.
