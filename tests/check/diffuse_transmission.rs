@@ -1,5 +1,5 @@
-//! White sheets in a furnace by the techniques that `tests/transport/diffuse_transmission.rs` leaves
-//! out.
+//! White sheets in a furnace by the techniques that
+//! `tests/transport/diffuse_transmission.rs` leaves out.
 
 use crate::common::several_ways::{WAYS, WEIGHTINGS, assert_white_sheets};
 

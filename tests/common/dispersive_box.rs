@@ -113,8 +113,8 @@ pub fn base_settings() -> Settings {
     }
 }
 
-/// Asserts that images by these weights have the mean of the path tracer in each channel, and images
-/// with merges at vertex 2 alone if `merges_once`.
+/// Asserts that images by these weights have the mean of the path tracer in each channel, and
+/// images with merges at vertex 2 alone if `merges_once`.
 #[track_caller]
 pub fn assert_means_of_the_path_tracer(merges_once: bool, weightings: &[Weighting]) {
     let scene = ball_under_a_panel(glass(RefractiveIndex::Abbe { index: 1.5, abbe: 5.0 }));

@@ -62,8 +62,8 @@ pub fn foggy_room() -> Arc<Scene> {
     filled(scene(meshes, materials, vec![], eye), gray_medium(0.1, 0.5, 0.0))
 }
 
-/// Asserts that coefficients that are measured at few paths predict the noise at others: vertices in
-/// media keep to the law. Direct light from photons takes more iterations:
+/// Asserts that coefficients that are measured at few paths predict the noise at others: vertices
+/// in media keep to the law. Direct light from photons takes more iterations:
 /// `tests/check/predicts.rs`.
 pub fn assert_noise_in_media((merge_vertex, medium_query, medium_share): (u32, MediumQuery, f64)) {
     let asked = Settings { radius: 0.25, caustic_radius: 0.2, ..settings(8, 8) };

@@ -1,5 +1,5 @@
-//! Photons of caustics alone, beside path tracing and beside a cache of light. `tests/check` has the
-//! other balls, and the noise without a cache.
+//! Photons of caustics alone, beside path tracing and beside a cache of light. `tests/check` has
+//! the other balls, and the noise without a cache.
 
 use crate::common::accel;
 use crate::common::caustics::{
