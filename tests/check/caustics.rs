@@ -18,5 +18,5 @@ fn light_of_points_is_that_of_photons_of_all_kinds() {
 
 #[test]
 fn noise_is_predicted_at_far_counts() {
-    assert_far_counts(Strategy::PathCaustics);
+    assert_far_counts(Strategy::GatherCaustics);
 }

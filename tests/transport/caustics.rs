@@ -1,5 +1,5 @@
 //! Photons of caustics alone, beside path tracing and beside a cache of light. `tests/check` has
-//! the other balls, and the noise without a cache.
+//! the other balls, and the noise with a cache.
 
 use crate::common::accel;
 use crate::common::caustics::{
@@ -58,7 +58,7 @@ fn light_of_points_is_that_of_photons_of_all_kinds() {
 
 #[test]
 fn noise_is_predicted_at_far_counts() {
-    assert_far_counts(Strategy::GatherCaustics);
+    assert_far_counts(Strategy::PathCaustics);
 }
 
 #[test]
