@@ -53,6 +53,7 @@ check: setup denoiser
 	$(CARGO) test $(FLAGS) $(ALL) --test check -- --skip report:: --skip page::
 	BDPM=$${CARGO_TARGET_DIR:-target}/debug/bdpm SECONDS_EACH=0.6 RUNS=3 scripts/mitsuba-check.sh --elements
 	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --features cli -- -D warnings
+	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --features paper -- -D warnings
 	$(CARGO) check $(FLAGS) --package bdpm --no-default-features --lib
 	$(CARGO) test $(FLAGS) --package bdpm-accel --no-default-features \
 		--config 'profile.test.package.bdpm-accel.opt-level = 1'

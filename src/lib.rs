@@ -24,7 +24,7 @@ pub use bdpm_light as light;
 pub use bdpm_load as load;
 #[doc(inline)]
 pub use bdpm_load::load;
-#[cfg(feature = "cli")]
+#[cfg(feature = "paper")]
 #[doc(hidden)] // public for the program
 pub use bdpm_paper as paper;
 #[cfg(feature = "cli")]

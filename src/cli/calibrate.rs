@@ -9,7 +9,6 @@ use super::{json, say};
 use bdpm::adaptive::stopping::Stop;
 use bdpm::base::error::{Error, Result};
 use bdpm::job::{Status, Totals};
-use bdpm::paper::tables::beside_table_2;
 use bdpm::timing::Timings;
 use bdpm::timing::calibrate::{Calibration, calibrate};
 use bdpm::timing::measure::sizes;
@@ -80,11 +79,13 @@ pub fn run(args: &Args) -> Result<String> {
         }
         (false, true) => String::new(),
         (false, false) => {
-            format!(
-                "{}\n{}\n{output}: {rounds} rounds\n",
+            let parts = [
                 timings.text(),
-                beside_table_2(&timings.model)
-            )
+                #[cfg(feature = "paper")]
+                bdpm::paper::tables::beside_table_2(&timings.model),
+                format!("{output}: {rounds} rounds\n"),
+            ];
+            parts.join("\n")
         }
     })
 }

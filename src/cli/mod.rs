@@ -9,7 +9,6 @@ mod compare;
 mod convert;
 mod daylight;
 mod black_image;
-mod built_in_scene;
 mod denoise;
 mod dry_run;
 mod error_text;
@@ -45,6 +44,7 @@ mod room_glare;
 mod run_report;
 mod scene_input;
 mod time_residuals;
+#[cfg(feature = "paper")]
 mod paper;
 mod settings_args;
 mod shell_files;
@@ -100,6 +100,7 @@ enum Command {
     /// Measure how long the phases of an iteration take, for `--timings`
     Calibrate(calibrate::Args),
     /// Repeat the paper's experiment and compare it with the published values
+    #[cfg(feature = "paper")]
     Reproduce(paper::Args),
     /// Show the contents of a scene and its settings, or what an image states about itself
     Info(info::Args),
@@ -198,6 +199,7 @@ fn run_other(command: Command) -> Result<String> {
         Command::Predict(args) => predict::run(&args),
         Command::Optimize(args) => optimize::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
+        #[cfg(feature = "paper")]
         Command::Reproduce(args) => paper::run(args),
         Command::Info(args) => info::run(&args),
         Command::Convert(args) => convert::run(&args),

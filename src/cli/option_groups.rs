@@ -120,7 +120,15 @@ mod tests {
 
     #[test]
     fn every_option_of_render_is_in_a_group() {
-        for name in ["render", "info", "analyze", "calibrate", "reproduce"] {
+        let names = [
+            "render",
+            "info",
+            "analyze",
+            "calibrate",
+            #[cfg(feature = "paper")]
+            "reproduce",
+        ];
+        for name in names {
             for argument in subcommand(name).get_arguments() {
                 let has_group = argument.get_help_heading().is_some();
                 assert!(has_group || argument.is_positional(), "{name}: {}", argument.get_id());

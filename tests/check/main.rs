@@ -6,11 +6,19 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod caustics;
 mod choice;
 mod counts;
 mod denoise;
+mod diffuse_transmission;
+mod dispersion;
+mod gather;
 mod kernel;
+mod light_groups;
+mod materials_furnace;
 mod materials_light;
+mod measure_glass;
+mod media_merges;
 mod mis;
 mod mix_page;
 mod page;

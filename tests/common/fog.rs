@@ -1,9 +1,11 @@
 //! Media, boundaries around them, and a room of fog.
 
+use crate::common::far_counts::Subject;
 use crate::common::*;
-use bdpm::Scene;
 use bdpm::scene::bsdf::{Bsdf, ThinDielectric};
 use bdpm::scene::{Material, Medium, MediumBoundary, Mesh};
+use bdpm::settings::MediumQuery;
+use bdpm::{Scene, Settings};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -58,4 +60,19 @@ pub fn foggy_room() -> Arc<Scene> {
     let materials = vec![gray(0.5, 0.0), gray(0.0, 4.0), index_matched(&milk)];
     let eye = camera(Vec3::new(-0.9, -0.8, 0.2), Vec3::new(0.1, 0.2, -0.6), 70.0);
     filled(scene(meshes, materials, vec![], eye), gray_medium(0.1, 0.5, 0.0))
+}
+
+/// Asserts that coefficients that are measured at few paths predict the noise at others: vertices
+/// in media keep to the law. Direct light from photons takes more iterations:
+/// `tests/check/predicts.rs`.
+pub fn assert_noise_in_media((merge_vertex, medium_query, medium_share): (u32, MediumQuery, f64)) {
+    let asked = Settings { radius: 0.25, caustic_radius: 0.2, ..settings(8, 8) };
+    let asked = Settings { direct: Direct::Connect, medium_scale: 1.5, ..asked };
+    let settings = Settings { merge_vertex, medium_query, medium_share, ..asked };
+    let name = format!("media k = {merge_vertex} {medium_query:?} {medium_share}");
+    let scene = &foggy_room();
+    // Two standard errors: .03 with the 144 pixels of `far_counts::assert_far_counts`, hence
+    // .03 sqrt(144/64) with these 64.
+    Subject { name, scene, settings, few: 300, iterations: 3000, quiet: 1.0, most: 0.045 }
+        .assert_far_counts(&[(6000, 4, 300), (300, 60, 400)]);
 }

@@ -3,15 +3,20 @@
 
 pub mod automatic;
 pub mod boxes;
+pub mod cached_light;
+pub mod caustics;
 pub mod committed;
 pub mod denoised;
+pub mod dispersive_box;
 pub mod desk;
 pub mod far_counts;
 pub mod fog;
+pub mod glass_globe;
 pub mod gltf;
 pub mod html;
 pub mod images;
 pub mod klems;
+pub mod light_mixtures;
 pub mod material_noise;
 pub mod mutate;
 pub mod own_process;
@@ -23,6 +28,7 @@ pub mod strategies;
 pub mod table;
 pub mod thread_ranks;
 pub mod true_bias;
+pub mod white_furnace;
 
 use bdpm::accel::Intersect;
 use bdpm::film::radiance::luminance;

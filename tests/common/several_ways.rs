@@ -2,7 +2,9 @@
 
 use crate::common::*;
 use bdpm::Settings;
-use bdpm::scene::bsdf::{Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance};
+use bdpm::scene::bsdf::{
+    Bsdf, Coated, Conductor, Dielectric, DiffuseTransmission, Glossy, Reflectance,
+};
 use bdpm::scene::{Material, Mesh, Scene};
 use bdpm::settings::{Direct, Kernel, MisScales, Strategy};
 use glam::Vec3;
@@ -147,4 +149,21 @@ pub fn smooth_things() -> Arc<Scene> {
         Bsdf::Glossy(Glossy::new(Vec3::ONE, 0.0, 1.5, 0.0)),
     ];
     furnace(&bsdfs, false)
+}
+
+/// A sheet that reflects and transmits these shares of the light.
+pub fn diffuse_sheet(reflectance: f32, transmittance: f32) -> Bsdf {
+    let shares = [reflectance, transmittance].map(Vec3::splat);
+    Bsdf::DiffuseTransmission(DiffuseTransmission::new(shares[0], shares[1]))
+}
+
+/// Asserts that white sheets are invisible in a furnace, and that the weights of all techniques add
+/// up to 1.
+pub fn assert_white_sheets(normals: bool, ways: &[Way], weightings: &[Weighting]) {
+    let bsdfs = [diffuse_sheet(0.3, 0.7), diffuse_sheet(0.0, 1.0), diffuse_sheet(0.8, 0.2)];
+    let scene = furnace(&bsdfs, normals);
+    let name = if normals { "smooth sheets" } else { "sheets" };
+    // Interpolated normals of a ball send some light below its facets: it is lost.
+    let loss = if normals { 5e-3 } else { 0.0 };
+    assert_furnace(name, &scene, loss, (28, 6e-3), (ways, weightings));
 }

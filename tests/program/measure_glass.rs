@@ -1,33 +1,22 @@
 //! Meters whose light arrives through glass or by mirrors, against closed forms.
 
-use crate::common::{camera, gray, point_light, scene, sphere, square};
-use bdpm::load::Loaded;
-use bdpm::scene::backend::Backend;
-use bdpm::scene::bsdf::{Bsdf, Dielectric, ThinDielectric};
+use crate::common::glass_globe::{
+    LUMENS, assert_globe_shows_its_lamp_once, blind, job, measure, sheet,
+};
+use crate::common::{gray, point_light, scene, sphere, square};
+use bdpm::Scene;
+use bdpm::scene::bsdf::{Bsdf, Dielectric};
 use bdpm::scene::{
-    Camera, Directional, Emitter, Environment, Material, Mesh, Meter, MeterKind, MeterSet, Spot,
+    Directional, Emitter, Environment, Material, Mesh, Meter, MeterKind, MeterSet, Spot,
 };
 use bdpm::settings::{PartialSettings, Strategy};
-use bdpm::{MeasureJob, Measurement, Scene};
 use glam::Vec3;
 use std::ops::ControlFlow;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-const LUMENS: f32 = 683.0;
-
-/// A camera that sees none of the scenes: meters do not depend on it.
-fn blind() -> Camera {
-    camera(Vec3::new(0.0, 0.0, 100.0), Vec3::new(0.0, 0.0, 200.0), 20.0)
-}
-
 fn glass() -> Material {
     Material::new("glass", Bsdf::Dielectric(Dielectric::new(1.5)))
-}
-
-fn sheet() -> Material {
-    Material::new("sheet", Bsdf::ThinDielectric(ThinDielectric::new(1.5)))
 }
 
 fn mirror(reflectance: f32) -> Material {
@@ -49,22 +38,6 @@ fn slab(low: f32, high: f32, half: f32, material: u32) -> Vec<Mesh> {
         meshes.push(mesh);
     }
     meshes
-}
-
-/// A measurement of a meter.
-fn job(scene: Arc<Scene>, meter: Meter) -> MeasureJob {
-    let cornell_box = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box");
-    let other = bdpm::load(Path::new(cornell_box)).unwrap();
-    let loaded = Loaded { scene, defaults: PartialSettings::default(), ..other };
-    let set = MeterSet::single("meter", MeterKind::Irradiance, meter);
-    MeasureJob::new(&loaded).meters(vec![set]).backend(Backend::Bvh)
-}
-
-/// Measures to a target.
-fn measure(scene: Arc<Scene>, meter: Meter, target: f64) -> Measurement {
-    let settings = PartialSettings { seed: Some(4), ..PartialSettings::default() };
-    let job = job(scene, meter).target(target).settings(settings);
-    job.run(|_| ControlFlow::Continue(())).unwrap()
 }
 
 /// Checks that the interval of a reading holds the value, and that it is not wider than this share
@@ -309,53 +282,10 @@ fn lamp_behind_a_pane_of_any_size_does_not_block_itself() {
     }
 }
 
-/// A globe of rings of quadrilaterals around +z, as modelers make it: all corners of a pole are at
-/// one place, up to rounding.
-fn globe(radius: f64, rings: u32, sectors: u32, material: u32) -> Mesh {
-    use std::f64::consts::PI;
-    let (mut positions, mut normals, mut triangles) = (vec![], vec![], vec![]);
-    for ring in 0..=rings {
-        for sector in 0..sectors {
-            let theta = PI * f64::from(ring) / f64::from(rings);
-            let phi = 2.0 * PI * f64::from(sector) / f64::from(sectors);
-            let at =
-                glam::DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
-            positions.push((radius * at).as_vec3());
-            normals.push(at.as_vec3());
-        }
-    }
-    for ring in 0..rings {
-        for sector in 0..sectors {
-            let corner =
-                |down: u32, right: u32| (ring + down) * sectors + (sector + right) % sectors;
-            triangles.push([corner(0, 0), corner(1, 0), corner(1, 1)]);
-            triangles.push([corner(0, 0), corner(1, 1), corner(0, 1)]);
-        }
-    }
-    Mesh { positions, normals, triangles, material, ..Mesh::default() }
-}
-
-/// Meters on the axis, the seams and the corners of a globe of thin glass around a lamp: straight
-/// rays meet poles, edges and corners of the mesh exactly. By symmetry, the lamp has its own
-/// intensity. Counted as photons and as a connection, it would have twice that.
+/// A pole, a corner, the middle of an edge and the axis; `tests/check` has other directions.
 #[test]
 fn meters_on_axis_and_seams_of_a_globe_see_its_lamp_once() {
-    let mesh = globe(0.1, 16, 32, 1);
-    let lamp = point_light(Vec3::ZERO, 100.0 / LUMENS);
-    // The floor is below all meters.
-    let floor = square(Vec3::new(0.0, 0.0, -3.0), Vec3::Z, 3.0, 0);
-    let directions: Vec<Vec3> = [0, 32, 64, 161, 290, 511, 543]
-        .map(|corner: usize| mesh.positions[corner].normalize())
-        .into_iter()
-        .chain([Vec3::Z, Vec3::NEG_Z, Vec3::X, (mesh.normals[64] + mesh.normals[96]).normalize()])
-        .collect();
-    let lit = scene(vec![floor, mesh], vec![gray(0.0, 0.0), sheet()], vec![lamp], blind());
-    for direction in directions {
-        let meter = Meter::irradiance(direction, -direction).unwrap();
-        let reading = measure(Arc::clone(&lit), meter, 0.1).sets[0].readings[0];
-        let off = (reading.value - 100.0).abs();
-        assert!(off < 1.5 * reading.expanded + 0.5, "{direction}: {reading:?}, not 100 lx");
-    }
+    assert_globe_shows_its_lamp_once(&[0, 3, 7, 10]);
 }
 
 /// Few paths prove nothing.

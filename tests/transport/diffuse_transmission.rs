@@ -1,7 +1,7 @@
 //! Sheets that reflect and transmit diffusely: closed-form radiance on both sides, furnaces, and
 //! all strategies against each other and the path tracer.
 
-use crate::common::several_ways::{WAYS, WEIGHTINGS, assert_furnace, furnace};
+use crate::common::several_ways::{WAYS, WEIGHTINGS, assert_white_sheets, diffuse_sheet as sheet};
 use crate::common::*;
 use bdpm::Settings;
 use bdpm::scene::bsdf::{Bsdf, DiffuseTransmission};
@@ -22,11 +22,6 @@ pub(super) const STRATEGIES: [(Direct, u32, Kernel); 7] = [
     (Direct::PhotonMap, MIS, Kernel::Disc),
     (Direct::PhotonMap, MIS, Kernel::Area),
 ];
-
-fn sheet(reflectance: f32, transmittance: f32) -> Bsdf {
-    let shares = [reflectance, transmittance].map(Vec3::splat);
-    Bsdf::DiffuseTransmission(DiffuseTransmission::new(shares[0], shares[1]))
-}
 
 fn material(bsdf: Bsdf) -> Material {
     Material::new("sheet", bsdf)
@@ -106,18 +101,10 @@ fn encoded(share: f32) -> f32 {
     1.055 * share.powf(1.0 / 2.4) - 0.055
 }
 
-/// White sheets are invisible in a furnace, and the weights of all techniques add up to 1.
 #[test]
 fn white_sheets_in_a_furnace_have_its_radiance() {
-    let bsdfs = [sheet(0.3, 0.7), sheet(0.0, 1.0), sheet(0.8, 0.2)];
-    for normals in [false, true] {
-        let scene = furnace(&bsdfs, normals);
-        let name = if normals { "smooth sheets" } else { "sheets" };
-        // Interpolated normals of a ball send some light below its facets: it is lost.
-        let loss = if normals { 5e-3 } else { 0.0 };
-        assert_furnace(name, &scene, loss, (28, 6e-3), (&WAYS[1..], &WEIGHTINGS[..2]));
-        assert_furnace(name, &scene, loss, (28, 6e-3), (&WAYS[..1], &WEIGHTINGS[4..]));
-    }
+    assert_white_sheets(false, &WAYS[1..], &WEIGHTINGS[..2]);
+    assert_white_sheets(true, &WAYS[..1], &WEIGHTINGS[4..]);
 }
 
 /// A closed box of two rooms that a curtain divides. The lamp is in the room behind, in a shade

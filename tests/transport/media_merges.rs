@@ -1,7 +1,6 @@
 //! Merges of photons in media: their noise, their bias, and how they nest.
 
 use super::media::{SIDE, everything};
-use crate::common::far_counts;
 use crate::common::fog::*;
 use crate::common::*;
 use bdpm::accel::Intersect;
@@ -10,7 +9,7 @@ use bdpm::base::rng::{Stream, StreamKey};
 use bdpm::noise::Measure;
 use bdpm::render::{NestedPart, RenderConfig};
 use bdpm::scene::Environment;
-use bdpm::settings::Direct::{Connect, PhotonMap};
+use bdpm::settings::Direct::PhotonMap;
 use bdpm::settings::MediumQuery;
 use bdpm::settings::MediumQuery::{Beams, Points};
 use bdpm::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
@@ -26,29 +25,9 @@ use bdpm::{Renderer, Scene, Settings};
 use glam::Vec3;
 use std::sync::Arc;
 
-/// Coefficients that are measured at few paths tell the noise at others: vertices in media keep to
-/// the law. Direct light from photons takes more iterations: `tests/check/predicts.rs`.
 #[test]
 fn noise_in_media_is_predicted() {
-    for (merge_vertex, medium_query, medium_share) in [(2, Points, 1.0), (1, Beams, 0.25)] {
-        let asked = Settings { radius: 0.25, caustic_radius: 0.2, ..settings(SIDE, SIDE) };
-        let asked = Settings { direct: Connect, medium_scale: 1.5, ..asked };
-        let settings = Settings { merge_vertex, medium_query, medium_share, ..asked };
-        let name = format!("media k = {merge_vertex} {medium_query:?} {medium_share}");
-        let scene = &foggy_room();
-        // Two standard errors: .03 with the 144 pixels of `far_counts::assert_far_counts`, hence
-        // .03 sqrt(144/64) with these 64.
-        far_counts::Subject {
-            name,
-            scene,
-            settings,
-            few: 300,
-            iterations: 3000,
-            quiet: 1.0,
-            most: 0.045,
-        }
-        .assert_far_counts(&[(6000, 4, 300), (300, 60, 400)]);
-    }
+    assert_noise_in_media((1, Beams, 0.25));
 }
 
 /// Merges in media that are done stand for those that are left out: the mean image is the same, and

@@ -1,7 +1,7 @@
 //! The kernel over wavelengths where camera paths and photons have one: nested widths, its bias and
 //! the noise law.
 
-use super::dispersion::glass;
+use crate::common::dispersive_box::glass;
 use crate::common::*;
 use bdpm::Renderer;
 use bdpm::Settings;

@@ -14,9 +14,9 @@ const FOLDER: &str = "cornell-box";
 
 /// Names and contents of its files.
 const FILES: [(&str, &str); 3] = [
-    ("scene.toml", include_str!("../../scenes/cornell-box/scene.toml")),
-    ("cornell-box.obj", include_str!("../../scenes/cornell-box/cornell-box.obj")),
-    ("cornell-box.mtl", include_str!("../../scenes/cornell-box/cornell-box.mtl")),
+    ("scene.toml", include_str!("../../../scenes/cornell-box/scene.toml")),
+    ("cornell-box.obj", include_str!("../../../scenes/cornell-box/cornell-box.obj")),
+    ("cornell-box.mtl", include_str!("../../../scenes/cornell-box/cornell-box.mtl")),
 ];
 
 /// The scene in a temporary folder, which vanishes with this value.

@@ -1,6 +1,7 @@
 //! `bdpm reproduce`.
 
-use super::built_in_scene::{BUILT_IN, BuiltInScene, is_built_in};
+mod built_in_scene;
+
 use super::interrupts::catch_interrupts;
 use super::progress::{Progress, ProgressFormat};
 use super::scene_input::{LoadedScene, SessionArgs};
@@ -20,6 +21,7 @@ use bdpm::paper::results::Results;
 use bdpm::paper::run::{Run, SceneContext};
 use bdpm::settings::{Kernel, Settings};
 use bdpm::timing::setup::MeasurementSetup;
+use built_in_scene::{BUILT_IN, BuiltInScene, is_built_in};
 use serde::Serialize;
 use std::fmt::Write;
 use std::ops::ControlFlow;
