@@ -62,7 +62,6 @@ class Settings(TypedDict, total=False):
     sobol_set: int
     splitting: int
     light_visibility: int
-    direction_guide: int
     direct: Literal["connect", "photon-map"]
     seed: int
 

@@ -81,7 +81,8 @@ def render(
     - `bias`: "keep" or "reduce". `kernel`: "area" or "disc". `merge_vertex`: 1 or more.
     - `strategy`: "single", "mis", "cut-mis", "path", "path-caustics", "gather" or
       "gather-caustics". `direct`: "connect" or "photon-map".
-    - `guide`, `light_visibility`, `direction_guide`: numbers of iterations, shadow rays and camera paths. `sobol_set`, `splitting`: of light paths.
+    - `guide`, `light_visibility`: numbers of iterations and shadow rays. `sobol_set`, `splitting`: of
+      light paths.
     - `seed`: of all random numbers.
 
     Progress:

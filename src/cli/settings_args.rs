@@ -80,9 +80,6 @@ options! {
     /// Learn by N shadow rays which lights are visible from where [default: 0]
     #[arg(long, value_name = "N")]
     light_visibility: u32,
-    /// Learn by N camera paths where those of strategy `path` should go on [default: 0]
-    #[arg(long, value_name = "N")]
-    direction_guide: u32,
     /// Connect to lights, or take direct light from photons [default: connect]
     #[arg(long, value_parser = word::<Direct>(DIRECT))]
     direct: Direct,

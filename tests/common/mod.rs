@@ -182,7 +182,6 @@ pub fn settings(width: u32, height: u32) -> Settings {
         sobol_set: 1,
         splitting: 1,
         light_visibility: 0,
-        direction_guide: 0,
         seed: 1,
         mis_scales: None,
     }

@@ -98,7 +98,6 @@ fn cornell_box_has_the_dimensions_of_the_paper() {
         sobol_set: None,
         splitting: None,
         light_visibility: None,
-        direction_guide: None,
         direct: Some(Direct::Connect),
         seed: None,
     };

@@ -25,7 +25,6 @@ const OPTIONS: &[&str] = &[
     "--kernel disc",
     "--guide 1",
     "--light-visibility 100",
-    "--direction-guide 100",
     "--medium-scale 3",
     "--medium-share 0.5",
     "--medium-query points",

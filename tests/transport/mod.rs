@@ -13,7 +13,6 @@ mod cameras;
 mod caustics;
 mod crop;
 mod diffuse_transmission;
-mod direction_guide;
 mod dispersion;
 mod far;
 mod gather;

@@ -169,7 +169,6 @@ impl Renderer {
             hides_lights: self.config.hides_lights,
             points: CameraPoints::of(settings, iteration)
                 .filter(|_| !self.config.independent_paths),
-            directions: self.directions(),
             cache: self.suffixes.cache(),
             light_edges: self.light_edges(),
         };

@@ -76,7 +76,6 @@ fn receivers(
         gather_early: true,
         hides_lights: false,
         points: None,
-        directions: None,
         cache: None,
         light_edges: None,
     };

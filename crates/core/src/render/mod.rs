@@ -6,7 +6,6 @@ pub mod audit;
 mod aov_sums;
 pub mod bias_over_noise;
 pub mod bias_correction;
-mod direction_learning;
 pub mod photon_only_light;
 pub mod narrow_beam;
 pub mod block;
@@ -57,7 +56,6 @@ use crate::transport::mis::Mis;
 use crate::transport::photon_map::PhotonMap;
 use accumulators::SharedStatistics;
 use block::Block;
-use direction_learning::LearnedDirections;
 use memory::{bytes_per_light_path, check_memory, film_bytes};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -103,8 +101,6 @@ pub struct Renderer {
     clearance: Option<Arc<Clearance>>,
     /// Edges of light sources in the image, once they were needed.
     light_edges: OnceLock<Option<LightEdges>>,
-    /// Guide of the directions from diffuse vertices, once it was learned.
-    directions: LearnedDirections,
     workers: Pool<Worker>,
     /// Abandons the first iteration once it is true.
     interrupt: Option<Arc<AtomicBool>>,
@@ -134,7 +130,7 @@ impl Renderer {
         let (renderer, aim) =
             rayon::join(|| Self::unguided(&scene, accel, settings), || Guide::aimed(&scene));
         let renderer = Self { aim: aim.map(Arc::new), ..renderer? };
-        renderer.with_learned_directions().with_learned_guide()
+        renderer.with_learned_guide()
     }
 
     fn unguided(
@@ -210,7 +206,6 @@ impl Renderer {
             clearance,
             light_edges: OnceLock::new(),
             workers: Pool::default(),
-            directions: Arc::default(),
             interrupt: None,
         })
     }
@@ -248,11 +243,7 @@ impl Renderer {
             )?
         };
         let (interrupt, aim) = (self.interrupt.clone(), self.aim.clone());
-        let mut renderer = Self { interrupt, aim, ..renderer };
-        if self.learns_directions_of(&renderer) {
-            renderer.directions = Arc::clone(&self.directions);
-        }
-        let renderer = renderer.with_learned_directions();
+        let renderer = Self { interrupt, aim, ..renderer };
         // The guide depends neither on the path counts and sets nor on the seed.
         let Settings { light_paths, camera_paths, sobol_set, seed, mis_scales, .. } = self.settings;
         let new = &renderer.settings;

@@ -6,11 +6,11 @@ use super::bsdf::coated_base::{CoatedBase, MetalRow, metal_of};
 use super::bsdf::coats::SeenCoats;
 use super::bsdf::{Bsdf, Glossy, Vertex};
 use super::diffuse::TriangleSide;
-use super::hit::Triangles;
+use super::hit::{NotLambertian, Triangles};
 use super::shading::{GRAZING, SMOOTH_COSINE};
 use super::triangle::Corners;
 use super::{Material, Mesh, Placement, Scene, Texture, Triangle};
-use crate::accel::Hit;
+use crate::accel::{Hit, HitPacket};
 use crate::base::math::Rgb;
 use crate::simd::dispatch::{Simd, transpose_rows};
 use crate::simd::{LANES, Mask, Vec3s, lanes_of};
@@ -69,8 +69,8 @@ struct CornerColumns {
     unused: [u32; LANES],
 }
 
-/// Vertices of sixteen paths at diffuse bases, with or without a coat, which may be metal if `METAL`
-/// is true; see [`Surface`](super::Surface).
+/// Vertices of sixteen paths at diffuse bases, with or without a coat, which may be metal if
+/// `METAL` is true; see [`Surface`](super::Surface).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CoatedVertices<const METAL: bool> {
     /// Paths that have a vertex; numbers of the others mean nothing.
@@ -140,8 +140,8 @@ impl<const METAL: bool> CoatedVertices<METAL> {
     }
 }
 
-/// Hits of these materials may be shaded by [`Scene::coated_vertices`]. Those of others emit, vary in
-/// roughness although they are not [`Glossy`], disperse, or bound media.
+/// Hits of these materials may be shaded by [`Scene::coated_vertices`]. Those of others emit, vary
+/// in roughness although they are not [`Glossy`], disperse, or bound media.
 pub(super) fn coated_base(material: &Material) -> CoatedBase {
     let is_plain = material.emission == Rgb::ZERO
         && material.luminous_opening.is_none()
@@ -166,6 +166,30 @@ pub(super) struct Coated {
     varies: Arc<[bool]>,
     /// For each placement whether it has neither a transform nor a mesh with colors.
     is_plain: Arc<[bool]>,
+    /// For each placement by a transform the kind of its material, which stored triangles do not
+    /// know; `None` for others.
+    placed: Arc<[Option<Kind>]>,
+}
+
+/// How hits of a material are shaded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    /// One by one.
+    Alone,
+    /// Together; their coats are no metal.
+    Coated,
+    /// Together; their coats may be metal.
+    Metal,
+}
+
+impl Kind {
+    fn of(base: &CoatedBase) -> Self {
+        match (base.flags & CoatedBase::IS_BASE != 0, base.flags & CoatedBase::IS_METAL != 0) {
+            (false, _) => Self::Alone,
+            (true, false) => Self::Coated,
+            (true, true) => Self::Metal,
+        }
+    }
 }
 
 impl Coated {
@@ -180,8 +204,12 @@ impl Coated {
             let Material { albedo_texture, metallic_roughness_texture, .. } = material;
             albedo_texture.is_some() || metallic_roughness_texture.is_some()
         };
+        let bases: Arc<[_]> = materials.iter().map(coated_base).collect();
+        let placed =
+            |own: &Placement| own.transform.map(|_| Kind::of(&bases[own.material as usize]));
         Self {
-            bases: materials.iter().map(coated_base).collect(),
+            placed: placements.iter().map(placed).collect(),
+            bases: Arc::clone(&bases),
             metals: materials.iter().map(metal).collect(),
             varies: materials.iter().map(varies).collect(),
             is_plain: placements.iter().map(plain).collect(),
@@ -194,6 +222,19 @@ fn is_plain(placement: &Placement, mesh: &Mesh) -> bool {
 }
 
 impl Scene {
+    /// Lanes of hits that [`Self::coated_vertices`] shades: whose coats are no metal, and may be.
+    #[inline(always)] // part of the loop over vertices
+    pub fn coated_lanes(&self, hits: &HitPacket, rest: &NotLambertian) -> [u32; 2] {
+        let [mut coated, mut metals] = [rest.coated, rest.metals];
+        for lane in lanes_of(rest.others) {
+            let Some(kind) = self.coated.placed[hits.mesh[lane] as usize] else { continue };
+            let bit = 1 << lane;
+            coated = coated & !bit | if kind == Kind::Coated { bit } else { 0 };
+            metals = metals & !bit | if kind == Kind::Metal { bit } else { 0 };
+        }
+        [coated, metals]
+    }
+
     /// The BSDF of a vertex.
     pub fn coated_bsdf<const METAL: bool>(&self, at: &CoatedVertices<METAL>, lane: usize) -> Bsdf {
         if METAL {
@@ -283,12 +324,13 @@ impl Scene {
             special.placed |= u32::from(!is_plain) << lane;
             special.bends |= u32::from(self.materials[material].normal_map.is_some()) << lane;
         }
-        transpose_rows(simd, &coats, &mut scratch.coats);
         if special.placed == 0 {
+            transpose_rows(simd, &coats, &mut scratch.coats);
             transpose_rows(simd, &triangles, &mut scratch.triangle);
             transpose_rows(simd, &corners, &mut scratch.corners);
         } else {
-            self.read_placed(simd, hits, (triangles, corners), scratch, &mut special);
+            let stored = (triangles, corners, coats);
+            self.read_placed(simd, hits, stored, scratch, &mut special);
         }
         special
     }
@@ -299,7 +341,7 @@ impl Scene {
         &self,
         simd: Simd,
         hits: &CoatedHits,
-        (stored, corners): ([&Triangle; LANES], [&Corners; LANES]),
+        (stored, corners, mut coats): ([&Triangle; LANES], [&Corners; LANES], [&CoatedBase; LANES]),
         scratch: &mut CoatedScratch,
         special: &mut Special,
     ) {
@@ -310,12 +352,17 @@ impl Scene {
             special.colored |= u32::from(has_colors) << lane;
             let Some(transform) = &placement.transform else { continue };
             triangles[lane] = placement.triangle(stored[lane], self.ray_offset);
+            let material = placement.material as usize;
+            coats[lane] = &self.coated.bases[material];
+            special.bends &= !(1 << lane);
+            special.bends |= u32::from(self.materials[material].normal_map.is_some()) << lane;
             moved[lane] = corners[lane].moved(transform, triangles[lane].normal);
             let weights = transform.weights([hits.u[lane], hits.v[lane]]);
             for (own, weight) in scratch.weights.iter_mut().zip(weights) {
                 own[lane] = weight;
             }
         }
+        transpose_rows(simd, &coats, &mut scratch.coats);
         transpose_rows(simd, &triangles.each_ref(), &mut scratch.triangle);
         transpose_rows(simd, &moved.each_ref(), &mut scratch.corners);
     }

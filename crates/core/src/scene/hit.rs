@@ -24,9 +24,10 @@ pub struct NotLambertian {
     pub missed: u32,
     /// Rays that hit another surface.
     pub others: u32,
-    /// Those of `others` that hit materials of [`Scene::coated_vertices`] whose coats are no metal.
+    /// Those of `others` that hit materials of [`Scene::coated_vertices`] whose coats are no metal,
+    /// unless a transform places the triangle: see [`Scene::coated_lanes`].
     pub coated: u32,
-    /// Those whose coats may be metal.
+    /// The same for coats that may be metal.
     pub metals: u32,
 }
 
@@ -278,8 +279,8 @@ impl Scene {
         Surface { interpolated, bsdf, uv: Some(uv), tangent, ..flat }
     }
 
-    /// Direction of growing texture coordinates at a hit of a triangle with these edges: that of the
-    /// mesh if it has tangents, else that of `uvs`.
+    /// Direction of growing texture coordinates at a hit of a triangle with these edges: that of
+    /// the mesh if it has tangents, else that of `uvs`.
     pub(super) fn tangent(&self, hit: &Hit, edges: [Vec3; 2], uvs: [Vec2; 3]) -> Option<Tangent> {
         let own = Tangent::new(edges, uvs)?;
         let placement = &self.placements[hit.mesh as usize];

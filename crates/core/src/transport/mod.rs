@@ -5,7 +5,6 @@ pub mod area;
 pub mod camera_paths;
 pub mod clearance;
 pub mod daylight;
-pub mod direction_guide;
 mod path_queue;
 pub mod path_walker;
 mod free_flight;

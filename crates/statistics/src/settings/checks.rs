@@ -115,19 +115,6 @@ pub(super) fn check_light_visibility(&rays: &u32) -> Result<()> {
     ))
 }
 
-/// Maximum number of camera paths that learn directions: their vertices are kept in memory.
-const MAX_DIRECTION_GUIDE: u32 = 1 << 20;
-
-pub(super) fn check_direction_guide(&paths: &u32) -> Result<()> {
-    if paths <= MAX_DIRECTION_GUIDE {
-        return Ok(());
-    }
-    Err(Error::new(
-        format!("{paths} camera paths to learn directions"),
-        format!("give at most {MAX_DIRECTION_GUIDE}, such as 250000, or 0 for none"),
-    ))
-}
-
 pub(super) fn check_radius(&radius: &f32) -> Result<()> {
     if radius > 0.0 && radius.is_finite() {
         return Ok(());

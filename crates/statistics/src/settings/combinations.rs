@@ -337,15 +337,6 @@ pub const COMBINATIONS: &[Combination] = &[
         |asked| asked.given.strategy == Some(Strategy::Gather) && asked.gives_merges(),
     ),
     weakened(
-        ["--direction-guide", "--strategy single|mis|cut-mis|path-caustics|gather-caustics"],
-        "It has no effect: the weights of photons do not know guided camera paths.",
-        |asked| {
-            let PartialSettings { direction_guide, strategy, .. } = asked.given;
-            direction_guide.is_some_and(|paths| paths > 0)
-                && strategy.is_some_and(|strategy| strategy.has_photons())
-        },
-    ),
-    weakened(
         ["--medium-scale|--medium-share|--medium-query", "a scene without media that scatter"],
         "It has no effect: no photon is stored in a medium.",
         |asked| {

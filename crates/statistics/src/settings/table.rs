@@ -1,10 +1,9 @@
 //! Every setting once: its meaning, type, default and bounds.
 
 use super::checks::{
-    as_serde, check_camera_paths, check_direction_guide, check_guide, check_light_paths,
-    check_light_visibility, check_medium_scale, check_medium_share, check_merge_vertex,
-    check_radius, check_resolution, check_sobol_set, check_splitting, check_wavelength_width,
-    checked,
+    as_serde, check_camera_paths, check_guide, check_light_paths, check_light_visibility,
+    check_medium_scale, check_medium_share, check_merge_vertex, check_radius, check_resolution,
+    check_sobol_set, check_splitting, check_wavelength_width, checked,
 };
 use super::combinations::{self, Request};
 use super::fixed_array::FixedArray;
@@ -235,11 +234,6 @@ settings! {
     #[serde(deserialize_with = "read::light_visibility")]
     light_visibility: u32 as u32 = 0, check_light_visibility;
 
-    /// Camera paths beside the image that learn in which directions those of the strategy `path`
-    /// should leave diffuse vertices. With 0 they leave by the BSDF alone.
-    #[serde(deserialize_with = "read::direction_guide")]
-    direction_guide: u32 as u32 = 0, check_direction_guide;
-
     /// Technique for light straight from a light source.
     direct: Direct as Direct = Direct::default(), any;
 
@@ -284,7 +278,6 @@ mod read {
         sobol_set: u32, check_sobol_set;
         splitting: u32, check_splitting;
         light_visibility: u32, check_light_visibility;
-        direction_guide: u32, check_direction_guide;
     }
 }
 
@@ -327,7 +320,6 @@ mod tests {
             sobol_set: 1,
             splitting: 1,
             light_visibility: 0,
-            direction_guide: 0,
             seed: 9,
             mis_scales: None,
         };
@@ -363,7 +355,6 @@ mod tests {
             sobol_set: Some(256),
             splitting: Some(4),
             light_visibility: Some(16),
-            direction_guide: Some(17),
             seed: Some(13),
         };
         assert_eq!(PartialSettings::default().or(&all), all);

@@ -111,10 +111,6 @@ impl<'a> TrialRunner<'a> {
     pub fn new(renderer: &'a Renderer, seconds: f64) -> Result<Self> {
         let (scene, accel) = renderer.scene_and_accel();
         let settings = renderer.settings();
-        if settings.direction_guide > 0 {
-            // Before the trials, so that none of them takes longer for it.
-            renderer.learn_directions();
-        }
         let stride = |paths: f64| stride(settings, paths / f64::from(TRIAL_CAMERA_PATHS));
         let each = TRIAL_MEASURING * seconds / TRIAL_ITERATIONS as f64;
         let probe = stride(TRIAL_PATHS.start);

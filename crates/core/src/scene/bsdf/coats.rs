@@ -86,8 +86,6 @@ pub struct CoatSamples {
     pub pdf_w: [f32; LANES],
     /// Largest channels of the values of that class, 1/sr.
     pub value: [f32; LANES],
-    /// Shares of the densities that are those of the bases.
-    pub base_share: [f32; LANES],
 }
 
 impl<const METAL: bool> SeenCoats<METAL> {
@@ -315,16 +313,6 @@ impl<const METAL: bool> SeenCoats<METAL> {
     /// [`Bsdf::sample`](super::Bsdf::sample).
     #[inline(always)]
     pub fn sample(&self, u: &[[f32; LANES]; 3]) -> CoatSamples {
-        let mut diffuse = Vec3s::default();
-        for (lane, (u, v)) in u[1].iter().zip(&u[2]).enumerate() {
-            diffuse.set(lane, cosine_hemisphere(self.normal.get(lane), [*u, *v]));
-        }
-        self.sample_around(u, &diffuse)
-    }
-
-    /// [`Self::sample`] with these directions of the bases.
-    #[inline(always)]
-    pub fn sample_around(&self, u: &[[f32; LANES]; 3], diffuse: &Vec3s) -> CoatSamples {
         let mut samples = CoatSamples::default();
         let mut takes_facets = Mask::default();
         for lane in 0..LANES {
@@ -332,7 +320,7 @@ impl<const METAL: bool> SeenCoats<METAL> {
             let takes_coat = (prob >= 1.0) | (u[0][lane] < prob);
             let is_smooth = self.coats.alpha[lane] == 0.0;
             let (normal, wo) = (self.normal.get(lane), self.wo.get(lane));
-            let diffuse = diffuse.get(lane);
+            let diffuse = cosine_hemisphere(normal, [u[1][lane], u[2][lane]]);
             let mirrored = normal * (2.0 * self.cos[lane]) - wo;
             samples.is_delta[lane] = takes_coat & is_smooth;
             takes_facets[lane] = takes_coat & !is_smooth & (self.cos[lane] > 0.0);
@@ -342,8 +330,7 @@ impl<const METAL: bool> SeenCoats<METAL> {
                 // The number that chose the coat is uniform below its probability.
                 let scatters_again = takes_facets[lane] & (u[0][lane] < prob * self.again(lane));
                 takes_facets[lane] &= !scatters_again;
-                let wide = cosine_hemisphere(normal, [u[1][lane], u[2][lane]]);
-                samples.wi.set(lane, if scatters_again { wide } else { samples.wi.get(lane) });
+                samples.wi.set(lane, if scatters_again { diffuse } else { samples.wi.get(lane) });
             }
         }
         self.sample_facets(bits(&takes_facets), u, &mut samples.wi);
@@ -370,8 +357,6 @@ impl<const METAL: bool> SeenCoats<METAL> {
             samples.is_some[lane] = is_seen & ((pdf_w > 0.0) | is_delta) & (cos_i > 0.0);
             samples.weight.set(lane, weight);
             samples.pdf_w[lane] = if is_delta { 0.0 } else { pdf_w };
-            let base_pdf_w = if takes_base & !is_delta { scales.base_pdf_w[lane] } else { 0.0 };
-            samples.base_share[lane] = base_pdf_w / pdf_w.max(1e-30);
             samples.value[lane] = value.max_element();
         }
         samples

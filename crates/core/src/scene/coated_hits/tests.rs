@@ -6,8 +6,9 @@ use crate::scene::bsdf::coats::LobeValues;
 use crate::scene::bsdf::{
     Conductor, FacetModel, Facets, LobeValue, Plastic, Reflectance, Transport,
 };
+use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::transform::Transform;
-use crate::scene::{Arrangement, Camera, FieldOfView, NormalMap, Surface};
+use crate::scene::{Arrangement, Camera, FieldOfView, HitScratch, NormalMap, Surface};
 use glam::{DAffine3, DMat3, DVec3};
 use std::array::from_fn;
 
@@ -56,6 +57,8 @@ fn scene(bsdfs: [Bsdf; 2]) -> Scene {
         let map = turn * DMat3::from_diagonal(DVec3::new(1.5, 0.7 * mirror, 1.1));
         let to = DAffine3 { matrix3: map, translation: DVec3::splat(0.2) };
         placement.transform = Some(Transform::new(to).unwrap());
+        // Stored triangles have the material of the mesh.
+        placement.material = (i as u32 + 3) % 8;
     }
     let camera = Camera::look(Vec3::Z, -Vec3::Z, Vec3::Y, FieldOfView::X(60.0)).unwrap();
     Scene::new("any".into(), arrangement, materials, vec![], camera, vec![]).unwrap()
@@ -90,6 +93,11 @@ fn compare_surfaces<const METAL: bool>(scene: &Scene) {
         let HitPacket { mesh, triangle, u, v, t } = hits;
         let own = CoatedHits { mesh, triangle, u, v, t };
         let count = 1 + (rng.next_u32() % 16) as usize;
+        let (mut seen, mut flat) = <(HitScratch, DiffuseVertices)>::default();
+        let rays = [&origins, &directions];
+        let rest = scene.lambertian(simd, rays, &hits, LANES, &mut seen, &mut flat);
+        let expected = if METAL { [0, rest.others] } else { [rest.others, 0] };
+        assert_eq!(scene.coated_lanes(&hits, &rest), expected);
         scene.coated_vertices(simd, [&origins, &directions], &own, count, &mut scratch, &mut at);
         let mut wi = Vec3s::default();
         let surfaces: [_; LANES] = from_fn(|lane| {

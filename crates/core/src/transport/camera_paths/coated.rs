@@ -2,7 +2,6 @@
 //! whose surfaces have textures, smooth normals and varnish. One path at a time,
 //! [`non_diffuse`](super::non_diffuse) does the same, for all surfaces and strategies.
 
-use super::directions::{coated_directions, coated_vertices};
 use super::mis::LastVertex;
 use super::non_diffuse::{LONG_CHAIN, LONG_CHAIN_END, WEIGHT_FLOOR};
 use super::{CameraPass, CameraPaths, Connections};
@@ -11,7 +10,7 @@ use crate::base::math::{Rgb, luminance};
 use crate::scene::bsdf::coats::CoatSamples;
 use crate::scene::coated_hits::{CoatedHits, CoatedScratch, CoatedVertices};
 
-use crate::scene::{NotLambertian, Receiver, Receivers};
+use crate::scene::{Receiver, Receivers};
 use crate::settings::Settings;
 use crate::simd::dispatch::Simd;
 use crate::simd::{LANES, Mask, Vec3s, any};
@@ -92,7 +91,7 @@ impl CameraPaths {
         simd: Simd,
         states: &PathStates,
         hits: &HitPacket,
-        &NotLambertian { coated, metals, .. }: &NotLambertian,
+        [coated, metals]: [u32; 2],
     ) -> u32 {
         let HitPacket { mesh, triangle, u, v, t } = *hits;
         let segments =
@@ -272,7 +271,7 @@ impl CameraPaths {
         states: &mut PathStates,
     ) {
         let numbers = self.lobe_numbers(states);
-        let (samples, guided) = coated_directions(pass, at, &numbers);
+        let samples = at.bsdf.sample(&numbers);
         let ends = states.rng.next_1d();
         if self.records_aovs {
             self.record_rough_samples(&at.active, &samples, states);
@@ -305,19 +304,12 @@ impl CameraPaths {
             let is_left = samples.is_some[lane] & at.agrees(lane, wi);
             let is_over = ended[lane] & !passes;
             goes_on[lane] = at.active[lane] & is_left & !is_over & (ends[lane] < survival);
-            states.weight.set(lane, carried * guided[lane] / survival);
+            states.weight.set(lane, carried / survival);
         }
         let left = Left { samples: &samples, density: &density, goes_on: &goes_on };
         self.set_last_vertices(mis, at, &before, partials, &left, &states.path);
         states.origin = at.off_surface;
         states.direction = samples.wi;
-        if self.recorder.is_some() {
-            let mut recorded = goes_on;
-            for (lane, recorded) in recorded.iter_mut().enumerate() {
-                *recorded &= !samples.passes_through[lane] & !samples.is_delta[lane];
-            }
-            self.record_directions(&coated_vertices(&recorded, at), states, &guided);
-        }
         self.next.append(simd, &goes_on, states);
     }
 

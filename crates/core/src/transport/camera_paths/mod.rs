@@ -3,7 +3,6 @@
 
 mod aov;
 mod coated;
-mod directions;
 mod equiangular;
 mod gather;
 mod light_edges;
@@ -17,7 +16,6 @@ mod suffixes;
 
 pub use aov::PathAov;
 
-use super::direction_guide::DirectionGuide;
 use super::gather::{GatherPoints, GatherView};
 use super::light_paths::survival;
 use super::mis::Mis;
@@ -34,8 +32,6 @@ use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::draw::numbers_of;
 use crate::simd::{LANES, Mask, Vec3s, any};
 use coated::CoatedSegments;
-pub use directions::{DirectionRecorder, RecordedDirection};
-use directions::{diffuse_directions, guided_vertices};
 use light_edges::EdgePath;
 pub use light_edges::LightEdges;
 pub use medium::{MediumBeam, MediumPoint};
@@ -77,8 +73,6 @@ pub struct CameraPass<'a> {
     pub hides_lights: bool,
     /// Points that the paths start from; without them their numbers are independent.
     pub points: Option<CameraPoints>,
-    /// Guide of the directions from diffuse vertices.
-    pub directions: Option<&'a DirectionGuide>,
     /// Light at which paths end.
     pub cache: Option<&'a SuffixCache>,
     /// Pixels in which several rays of a path find the light sources that it sees straight.
@@ -127,8 +121,6 @@ pub struct CameraPaths {
     pub suffixes: Option<SuffixRecorder>,
     /// AOVs of each path, if recorded.
     pub aovs: Vec<PathAov>,
-    /// Directions of diffuse vertices, if recorded.
-    pub recorder: Option<DirectionRecorder>,
     records_aovs: bool,
     /// Numbers of the first vertices of the current batch; none after its first segments.
     points: Vec<FirstVertex>,
@@ -215,11 +207,9 @@ impl CameraPaths {
             self.add_connections(pass, coherence);
             self.points.clear();
             self.edge_paths.clear();
-            self.end_current_directions();
             self.end_suffix_vertices();
             coherence = Coherence::Incoherent;
         }
-        self.end_directions();
     }
 
     #[inline(always)] // vectorized
@@ -330,8 +320,9 @@ impl CameraPaths {
             if rest.missed != 0 && pass.scene.lights().has_environment() {
                 self.add_environment(pass, &states, rest.missed);
             }
-            if rest.coated | rest.metals != 0 && pass.shades_coats_together() {
-                rest.others &= !self.queue_coated(simd, &states, hits, &rest);
+            if rest.others != 0 && pass.shades_coats_together() {
+                let lanes = pass.scene.coated_lanes(hits, &rest);
+                rest.others &= !self.queue_coated(simd, &states, hits, lanes);
             }
             if rest.others != 0 {
                 self.scatter_others(pass, &states, hits, rest.others, &mut at, &mut others);
@@ -406,7 +397,7 @@ impl CameraPaths {
         if !any(&goes_on) {
             return;
         }
-        self.continue_diffuse(simd, pass, at, states, (&vertex, &earlier), goes_on);
+        self.continue_diffuse(simd, at, states, (&vertex, &earlier), goes_on);
     }
 
     /// Continues the paths that go on from diffuse vertices of these numbers. `earlier` has the
@@ -415,7 +406,6 @@ impl CameraPaths {
     fn continue_diffuse(
         &mut self,
         simd: Simd,
-        pass: &CameraPass,
         at: &DiffuseVertices,
         states: &mut PathStates,
         (vertex, earlier): (&[u32; LANES], &[f32; LANES]),
@@ -423,8 +413,7 @@ impl CameraPaths {
     ) {
         states.origin = at.off_surface;
         let numbers = self.direction_numbers(states);
-        let (directions, guided) = diffuse_directions(pass, at, &goes_on, &numbers);
-        states.direction = directions;
+        states.direction = at.sample(&numbers);
         let mis = self.mis;
         let continues = mis.is_some_and(|mis| mis.continues());
         let ends = if continues { states.rng.next_1d() } else { [0.0; LANES] };
@@ -432,15 +421,12 @@ impl CameraPaths {
             let albedo = at.albedo.get(lane);
             // theory.md (43): paths that are cut survive up to their last vertex
             let survival = if continues & (vertex[lane] > 1) { survival(albedo) } else { 1.0 };
-            *goes_on &= (albedo != Rgb::ZERO) & (ends[lane] < survival) & (guided[lane] > 0.0);
+            *goes_on &= (albedo != Rgb::ZERO) & (ends[lane] < survival);
             // theory.md (41)
-            states.weight.set(lane, states.weight.get(lane) * (albedo * guided[lane] / survival));
+            states.weight.set(lane, states.weight.get(lane) * (albedo / survival));
         }
         if let Some(mis) = &mis {
             self.leave_diffuse(mis, at, states, vertex, earlier, &goes_on);
-        }
-        if self.recorder.is_some() {
-            self.record_directions(&guided_vertices(&goes_on, at), states, &guided);
         }
         self.next.append(simd, &goes_on, states);
     }
