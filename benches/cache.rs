@@ -37,7 +37,6 @@ fn pass<'a>(
         gather_early: false,
         hides_lights: false,
         points: None,
-        directions: None,
         cache,
         light_edges: None,
     }

@@ -2,21 +2,21 @@
 //! surfaces at a time, as [`Scene::surface`] has one.
 
 use super::bsdf::coat_columns::{CoatedBases, Metals};
-use super::bsdf::coated_base::{CoatedBase, MetalRow, metal_of};
+use super::bsdf::coated_base::{CoatedBase, MetalRow};
 use super::bsdf::coats::SeenCoats;
-use super::bsdf::{Bsdf, Glossy, Vertex};
+use super::bsdf::{Bsdf, Vertex};
+use super::coated_kinds::Kind;
 use super::diffuse::TriangleSide;
 use super::hit::{NotLambertian, Triangles};
 use super::shading::{GRAZING, SMOOTH_COSINE};
 use super::triangle::Corners;
-use super::{Material, Mesh, Placement, Scene, Texture, Triangle};
+use super::{Scene, Texture, Triangle};
 use crate::accel::{Hit, HitPacket};
 use crate::base::math::Rgb;
 use crate::simd::dispatch::{Simd, transpose_rows};
 use crate::simd::{LANES, Mask, Vec3s, lanes_of};
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
-use std::sync::Arc;
 
 /// Up to sixteen hits of triangles.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -138,87 +138,6 @@ impl<const METAL: bool> CoatedVertices<METAL> {
         }
         self.bsdf.seen_from(&normals, wi)
     }
-}
-
-/// Hits of these materials may be shaded by [`Scene::coated_vertices`]. Those of others emit, vary
-/// in roughness although they are not [`Glossy`], disperse, or bound media.
-pub(super) fn coated_base(material: &Material) -> CoatedBase {
-    let is_plain = material.emission == Rgb::ZERO
-        && material.luminous_opening.is_none()
-        && material.dispersion.is_none()
-        && material.boundary.is_none();
-    match (&material.bsdf, &material.metallic_roughness_texture) {
-        _ if !is_plain => CoatedBase::default(),
-        (bsdf, None) => CoatedBase::of(bsdf),
-        (bsdf @ Bsdf::Glossy(_), Some(_)) => CoatedBase::of_metal(bsdf),
-        (_, Some(_)) => CoatedBase::default(),
-    }
-}
-
-/// Tables for [`Scene::coated_vertices`].
-#[derive(Clone, Debug)]
-pub(super) struct Coated {
-    /// For each material its base and coat.
-    bases: Arc<[CoatedBase]>,
-    /// For each material the surface whose coat may be metal; meaningless for others.
-    metals: Arc<[(Glossy, MetalRow)]>,
-    /// For each material whether the parameters of such a surface vary over it.
-    varies: Arc<[bool]>,
-    /// For each placement whether it has neither a transform nor a mesh with colors.
-    is_plain: Arc<[bool]>,
-    /// For each placement by a transform the kind of its material, which stored triangles do not
-    /// know; `None` for others.
-    placed: Arc<[Option<Kind>]>,
-}
-
-/// How hits of a material are shaded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
-    /// One by one.
-    Alone,
-    /// Together; their coats are no metal.
-    Coated,
-    /// Together; their coats may be metal.
-    Metal,
-}
-
-impl Kind {
-    fn of(base: &CoatedBase) -> Self {
-        match (base.flags & CoatedBase::IS_BASE != 0, base.flags & CoatedBase::IS_METAL != 0) {
-            (false, _) => Self::Alone,
-            (true, false) => Self::Coated,
-            (true, true) => Self::Metal,
-        }
-    }
-}
-
-impl Coated {
-    pub fn new(materials: &[Material], placements: &[Placement], meshes: &[Mesh]) -> Self {
-        let plain = |placed: &Placement| is_plain(placed, &meshes[placed.mesh as usize]);
-        let metal = |material: &Material| {
-            let any = Glossy::new(Rgb::ZERO, 0.0, 1.0, 0.0);
-            let own = metal_of(&material.bsdf).unwrap_or(any);
-            (own, MetalRow::of(&own))
-        };
-        let varies = |material: &Material| {
-            let Material { albedo_texture, metallic_roughness_texture, .. } = material;
-            albedo_texture.is_some() || metallic_roughness_texture.is_some()
-        };
-        let bases: Arc<[_]> = materials.iter().map(coated_base).collect();
-        let placed =
-            |own: &Placement| own.transform.map(|_| Kind::of(&bases[own.material as usize]));
-        Self {
-            placed: placements.iter().map(placed).collect(),
-            bases: Arc::clone(&bases),
-            metals: materials.iter().map(metal).collect(),
-            varies: materials.iter().map(varies).collect(),
-            is_plain: placements.iter().map(plain).collect(),
-        }
-    }
-}
-
-fn is_plain(placement: &Placement, mesh: &Mesh) -> bool {
-    placement.transform.is_none() && mesh.colors.is_empty()
 }
 
 impl Scene {

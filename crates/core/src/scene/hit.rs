@@ -1,6 +1,6 @@
 //! Surfaces at hits, and Lambertian materials in the layout that hits read.
 
-use super::coated_hits::coated_base;
+use super::coated_kinds::coated_base;
 use super::diffuse::{DiffuseVertices, TriangleSide};
 use super::normal_map::Tangent;
 use super::shading::with_lost_light;
@@ -337,7 +337,7 @@ impl Lambertian {
     const IS_LAMBERTIAN: u32 = 1;
     const TWO_SIDED: u32 = 2;
     const EMITS: u32 = 4;
-    /// [`coated_base`](super::coated_hits::coated_base) has the material, whether it is Lambertian
+    /// [`coated_base`](super::coated_kinds::coated_base) has the material, whether it is Lambertian
     /// or not, and its coat is no metal.
     const IS_COATED_BASE: u32 = 8;
     /// The same for coats that may be metal.

@@ -76,8 +76,8 @@ impl CoatedBases {
         let mut shares = Shares::default();
         if METAL {
             // Look-ups of tables are no vector instructions: they are apart from other loops.
-            for lane in 0..LANES {
-                let albedos = Ggx { alpha: self.alpha[lane] }.albedos(cos[lane]);
+            for (lane, cos) in cos.iter().enumerate() {
+                let albedos = Ggx { alpha: self.alpha[lane] }.albedos(*cos);
                 shares.enters[lane] = (1.0 - by_schlick(albedos, self.eta[lane])).max(0.0);
                 let mixed = metals.mixed.get(lane).max_element();
                 shares.reflected[lane] = by_schlick(albedos, mixed);
@@ -85,8 +85,8 @@ impl CoatedBases {
             }
             return shares;
         }
-        for lane in 0..LANES {
-            let enters = self.transmittance(lane, cos[lane]);
+        for (lane, cos) in cos.iter().enumerate() {
+            let enters = self.transmittance(lane, *cos);
             shares.enters[lane] = enters;
             shares.reflected[lane] = (1.0 - enters) * self.tint.get(lane).max_element();
         }

@@ -241,9 +241,9 @@ impl<const METAL: bool> SeenCoats<METAL> {
             *cos = self.normal.get(lane).dot(wi.get(lane));
         }
         let shares = self.coats.shares::<METAL>(&self.metals, &cos);
-        for lane in 0..LANES {
+        for (lane, cos_i) in cos.into_iter().enumerate() {
             let (normal, wo, wi) = (self.normal.get(lane), self.wo.get(lane), wi.get(lane));
-            let (cos_o, cos_i) = (self.cos[lane], cos[lane]);
+            let cos_o = self.cos[lane];
             let has_coat = self.coats.has(CoatedBase::HAS_COAT, lane);
             // A Lambertian surface does not depend on the direction that it is seen from. It has no
             // lobe where it is black: paths end at backs that do not reflect.

@@ -2,15 +2,21 @@ use super::*;
 use crate::accel::{Hit, HitPacket, Ray};
 use crate::base::math::uniform_sphere;
 use crate::base::rng::{Stream, StreamKey};
+use crate::scene::bsdf::Glossy;
+use crate::scene::bsdf::coated_base::CoatedBase;
 use crate::scene::bsdf::coats::LobeValues;
 use crate::scene::bsdf::{
     Conductor, FacetModel, Facets, LobeValue, Plastic, Reflectance, Transport,
 };
+use crate::scene::coated_kinds::{coated_base, is_plain};
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::transform::Transform;
-use crate::scene::{Arrangement, Camera, FieldOfView, HitScratch, NormalMap, Surface};
+use crate::scene::{
+    Arrangement, Camera, FieldOfView, HitScratch, Material, Mesh, NormalMap, Surface,
+};
 use glam::{DAffine3, DMat3, DVec3};
 use std::array::from_fn;
+use std::sync::Arc;
 
 /// Meshes of two triangles: without normals, with those of an edge, and with those of a smooth
 /// surface, each with all materials: with and without textures, coats and bent normals. Then they
