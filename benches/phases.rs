@@ -123,7 +123,6 @@ fn camera_pass<'a>(
         gather_early: false,
         hides_lights: false,
         points: None,
-        directions: None,
         cache: None,
         light_edges: None,
     }

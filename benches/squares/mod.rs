@@ -41,7 +41,6 @@ impl<'a> Squares<'a> {
             gather_early: false,
             hides_lights: false,
             points: None,
-            directions: None,
             cache: None,
             light_edges: None,
         };

@@ -129,7 +129,6 @@ fn integrating_sphere_bounce_by_bounce_from_the_camera() {
             gather_early: false,
             hides_lights: false,
             points: None,
-            directions: None,
             cache: None,
             light_edges: None,
         };

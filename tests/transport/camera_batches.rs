@@ -35,7 +35,6 @@ fn batches_merged_together_equal_one_batch() {
             gather_early: true,
             hides_lights: false,
             points: None,
-            directions: None,
             cache: None,
             light_edges: None,
         };

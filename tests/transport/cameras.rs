@@ -202,7 +202,6 @@ fn layers_of_a_fisheye_are_those_of_its_pixels() {
         gather_early: true,
         hides_lights: false,
         points: None,
-        directions: None,
         cache: None,
         light_edges: None,
     };

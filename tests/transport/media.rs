@@ -8,7 +8,7 @@ use bdpm::scene::bsdf::{Bsdf, Dielectric, ThinDielectric};
 use bdpm::scene::{Material, Medium, MediumBoundary, Mesh};
 use bdpm::settings::Direct::{Connect, PhotonMap};
 use bdpm::settings::MediumQuery::{Beams, Points};
-use bdpm::settings::{Direct, Kernel, MediumQuery, Strategy};
+use bdpm::settings::{Kernel, Strategy};
 use bdpm::{Renderer, Scene, Settings};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;

@@ -136,7 +136,6 @@ fn assert_merges_nest(scene: &Scene, accel: &dyn Intersect, medium_query: Medium
         gather_early: true,
         hides_lights: false,
         points: None,
-        directions: None,
         cache: None,
         light_edges: None,
     };
