@@ -1,6 +1,6 @@
 //! Random mixtures of images of single light sources, with the errors that they state.
 
-use super::program_output::json;
+use crate::common::program_output::json;
 use bdpm::base::math::{Rgb, luminance};
 use bdpm::base::rng::{Stream, StreamKey};
 use bdpm::film::radiance::luminance_weights;
@@ -14,9 +14,7 @@ pub fn scene(name: &str) -> String {
 }
 
 pub fn bdpm(args: &[&str]) -> Output {
-    // An example includes this module, too, and has no program to start.
-    let program = option_env!("CARGO_BIN_EXE_bdpm").expect("a test");
-    let mut command = Command::new(program);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bdpm"));
     command.args(args).stdin(Stdio::null()).output().unwrap()
 }
 

@@ -16,7 +16,6 @@ pub mod gltf;
 pub mod html;
 pub mod images;
 pub mod klems;
-pub mod light_mixtures;
 pub mod material_noise;
 pub mod mutate;
 pub mod own_process;

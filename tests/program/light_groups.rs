@@ -1,10 +1,14 @@
 //! `--lights`, `render --light-groups` and `mix`: images of single light sources and mixtures of
 //! them.
 
-use crate::common::light_mixtures::{assert_mixtures_state_their_error, bdpm, render, scene};
+// Not a module of `common`, which an example includes as well: it starts the program.
+#[path = "../common/light_mixtures.rs"]
+mod light_mixtures;
+
 use crate::common::program_output::{assert_refused, json};
 use bdpm::base::math::Rgb;
 use bdpm::image_io::{Image, Layer, Value, read_exr};
+use light_mixtures::{assert_mixtures_state_their_error, bdpm, render, scene};
 use std::path::PathBuf;
 
 fn pixels(image: &Image, layer: &str) -> Vec<Rgb> {
