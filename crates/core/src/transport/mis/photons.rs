@@ -2,7 +2,7 @@
 
 use super::Mis;
 use super::densities::{Directions, Survival};
-use super::weights::{Balance, LightPartial, PhotonPartials, StraightDensities};
+use super::weights::{LightPartial, PhotonPartials, StraightDensities};
 use crate::scene::bsdf::{BsdfSample, Lobe, Transport};
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::{Emissions, Lights, Receiver, Surface};
@@ -12,6 +12,10 @@ use crate::transport::path_state::{History, PathState, PathStates};
 use crate::transport::photon::PhotonClass;
 use glam::Vec3;
 use std::ops::Range;
+
+/// Partials of a photon that a medium scattered: merges at first vertices alone sample its path.
+/// theory.md (47p)
+const PHOTON_FROM_MEDIUM: PhotonPartials = [0.0, -1.0];
 
 /// The partials of one batch of light paths and of their photons.
 #[derive(Debug, Default)]
@@ -101,7 +105,7 @@ impl LightPartials {
         let Some(mis) = self.mis else { return };
         let partial = &self.paths[(path - self.first) as usize].partial;
         self.photons.push(if history.was_in_medium() {
-            Balance::PHOTON_FROM_MEDIUM
+            PHOTON_FROM_MEDIUM
         } else if history.is_start() {
             mis.balance.straight_photon(partial)
         } else {

@@ -151,10 +151,6 @@ impl Balance {
         [(arrived.traced + arrived.merged) * inverse, arrived.traced * inverse]
     }
 
-    /// Partials of a photon that a medium scattered: merges at first vertices alone sample its path.
-    /// theory.md (47p)
-    pub const PHOTON_FROM_MEDIUM: PhotonPartials = [0.0, -1.0];
-
     /// Partials of a photon straight from its light source: merged at first vertices only.
     #[inline(always)]
     pub fn straight_photon(&self, arrived: &LightPartial) -> PhotonPartials {
