@@ -127,8 +127,7 @@ impl Scene {
         };
         let is_hit: Mask = from_fn(|lane| (lane < count) & (hits.mesh[lane] as usize <= last_mesh));
         // Hits are unpredictable: to avoid branches, rays that miss read the first triangle.
-        let mut triangles = [first_of_all; LANES];
-        let mut materials = [&self.lambertian[0]; LANES];
+        let (mut triangles, mut materials) = ([first_of_all; LANES], [&self.lambertian[0]; LANES]);
         for lane in 0..LANES {
             let first = self.first_triangle[(hits.mesh[lane] as usize).min(last_mesh)];
             let index = first.wrapping_add(hits.triangle[lane]) * u32::from(is_hit[lane]);
@@ -139,16 +138,15 @@ impl Scene {
         transpose_rows(simd, &triangles, triangle);
         transpose_rows(simd, &materials, material);
         at.mesh = hits.mesh;
-        let mut emits = Mask::default();
-        let [mut is_coated, mut is_metal] = [Mask::default(); 2];
+        let [mut emits, mut is_coated, mut is_metal] = [Mask::default(); 3];
         for lane in 0..LANES {
             let is_flat = triangle.corners[lane] == Triangle::FLAT;
             let flags = material.flags[lane];
             let is_lambertian = is_hit[lane] & is_flat & (flags & Lambertian::IS_LAMBERTIAN != 0);
             at.active[lane] = is_lambertian;
-            let is_other = is_hit[lane] & !is_lambertian;
-            is_coated[lane] = is_other & (flags & Lambertian::IS_COATED_BASE != 0);
-            is_metal[lane] = is_other & (flags & Lambertian::IS_METAL != 0);
+            let of_others = if is_hit[lane] & !is_lambertian { flags } else { 0 };
+            is_coated[lane] = of_others & Lambertian::IS_COATED_BASE != 0;
+            is_metal[lane] = of_others & Lambertian::IS_METAL != 0;
             emits[lane] = is_lambertian & (flags & Lambertian::EMITS != 0);
             // The arithmetic of `Triangle::point` and `shade`.
             let front = triangle.normal.get(lane).dot(rays[1].get(lane)) <= 0.0;
@@ -167,9 +165,9 @@ impl Scene {
         if any(&emits) {
             self.set_emission(&triangles, &emits, at);
         }
-        let (is_hit, lambertian) = (bits(&is_hit), bits(&at.active));
+        let [is_hit, lambertian, coated, metals] =
+            [&is_hit, &at.active, &is_coated, &is_metal].map(bits);
         let missed = !is_hit & ((1 << count) - 1);
-        let (coated, metals) = (bits(&is_coated), bits(&is_metal));
         NotLambertian { missed, others: is_hit & !lambertian, coated, metals }
     }
 

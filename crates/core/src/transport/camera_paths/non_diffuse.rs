@@ -24,6 +24,9 @@ pub(super) struct ScalarVertex<'a> {
     pub cached: Option<CellLight>,
 }
 
+/// The next ray of a path, and its state.
+type Segment = (Ray, PathState);
+
 /// The lobes that connect with one light source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Connected {
@@ -90,11 +93,7 @@ impl CameraPaths {
 
     /// Handles a hit of a surface that is not only diffuse, but for its connections. Returns the
     /// next segment unless the path ends.
-    fn scatter_other(
-        &mut self,
-        pass: &CameraPass,
-        other: &ScalarVertex,
-    ) -> Option<(Ray, PathState)> {
+    fn scatter_other(&mut self, pass: &CameraPass, other: &ScalarVertex) -> Option<Segment> {
         let ScalarVertex { surface, state, .. } = other;
         let mut state = *state;
         let diffuse = state.history.diffuse();
