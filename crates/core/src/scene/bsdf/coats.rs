@@ -1,6 +1,6 @@
 //! Diffuse bases under coats, sixteen at a time: surfaces that are Lambertian,
-//! [`Plastic`](super::Plastic), [`Coated`](super::Coated) or [`Glossy`](super::Glossy), and metals
-//! that [`metal_of`](super::coated_base::metal_of) has.
+//! [`Plastic`](super::Plastic), [`Coated`](super::Coated) or [`Glossy`], and metals that reflect by
+//! Schlick's approximation and scatter light between their facets.
 //!
 //! The constant parameter `METAL` tells whether coats may be metal: their reflectance has a color,
 //! and the light that single scattering loses leaves as a wide lobe. Other coats are compiled
