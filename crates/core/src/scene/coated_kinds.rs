@@ -27,7 +27,7 @@ pub(super) fn coated_base(material: &Material) -> CoatedBase {
 pub(super) struct Coated {
     /// For each material its base and coat.
     pub bases: Arc<[CoatedBase]>,
-    /// For each material the surface whose coat may be metal; meaningless for others.
+    /// For each material the surface whose coat may be metal. It means nothing for others.
     pub metals: Arc<[(Glossy, MetalRow)]>,
     /// For each material whether the parameters of such a surface vary over it.
     pub varies: Arc<[bool]>,
@@ -50,7 +50,7 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    fn of(base: &CoatedBase) -> Self {
+    pub fn of(base: &CoatedBase) -> Self {
         match (base.flags & CoatedBase::IS_BASE != 0, base.flags & CoatedBase::IS_METAL != 0) {
             (false, _) => Self::Alone,
             (true, false) => Self::Coated,

@@ -1,6 +1,6 @@
 //! Surfaces at hits, and Lambertian materials in the layout that hits read.
 
-use super::coated_kinds::coated_base;
+use super::coated_kinds::{Kind, coated_base};
 use super::diffuse::{DiffuseVertices, TriangleSide};
 use super::normal_map::Tangent;
 use super::shading::with_lost_light;
@@ -10,7 +10,6 @@ use super::{Corners, Material, Placement, Scene, Surface, Triangle};
 use crate::accel::{Hit, HitPacket, Ray};
 use crate::base::math::Rgb;
 use crate::scene::bsdf::Bsdf;
-use crate::scene::bsdf::coated_base::CoatedBase;
 use crate::simd::dispatch::{Simd, transpose_rows};
 use crate::simd::{LANES, Mask, Vec3s, any, bits, lanes_of};
 use bytemuck::{Pod, Zeroable};
@@ -335,18 +334,16 @@ impl Lambertian {
     const IS_LAMBERTIAN: u32 = 1;
     const TWO_SIDED: u32 = 2;
     const EMITS: u32 = 4;
-    /// [`coated_base`](super::coated_kinds::coated_base) has the material, whether it is Lambertian
-    /// or not, and its coat is no metal.
+    /// The material is of [`Kind::Coated`], whether it is Lambertian or not.
     const IS_COATED_BASE: u32 = 8;
-    /// The same for coats that may be metal.
+    /// The material is of [`Kind::Metal`].
     const IS_METAL: u32 = 16;
 
     pub fn of(material: &Material) -> Self {
-        let base = coated_base(material).flags;
-        let flags = match (base & CoatedBase::IS_BASE != 0, base & CoatedBase::IS_METAL != 0) {
-            (false, _) => 0,
-            (true, false) => Self::IS_COATED_BASE,
-            (true, true) => Self::IS_METAL,
+        let flags = match Kind::of(&coated_base(material)) {
+            Kind::Alone => 0,
+            Kind::Coated => Self::IS_COATED_BASE,
+            Kind::Metal => Self::IS_METAL,
         };
         let base = Self { flags, ..Self::default() };
         let Bsdf::Lambertian { albedo, two_sided } = material.bsdf else { return base };

@@ -63,9 +63,7 @@ impl CoatedBases {
     #[inline(always)]
     pub(super) fn reflectance(&self, lane: usize, cos: f32) -> f32 {
         let eta = self.eta[lane];
-        let grazing = (1.0 - cos).max(0.0);
-        let grazing2 = grazing * grazing;
-        let schlick = eta + (1.0 - eta) * (grazing2 * grazing2 * grazing);
+        let schlick = eta + (1.0 - eta) * grazing(cos);
         let dielectric = fresnel::dielectric(cos, eta).0;
         if self.has(CoatedBase::IS_SCHLICK, lane) { schlick } else { dielectric }
     }
@@ -138,6 +136,14 @@ impl CoatedBases {
         let beckmann = if cos > 0.0 { beckmann } else { 0.0 };
         if self.has(CoatedBase::IS_BECKMANN, lane) { beckmann } else { ggx }
     }
+}
+
+/// The weight `(1 - cos)^5` of Schlick's approximation.
+#[inline(always)]
+pub(super) fn grazing(cos: f32) -> f32 {
+    let away = (1.0 - cos).max(0.0);
+    let away2 = away * away;
+    away2 * away2 * away
 }
 
 /// Square of the distance of a unit vector from a normal to which it has this cosine.

@@ -11,7 +11,7 @@
 //! everything. Loops over lanes have neither calls nor branches, so that they become vector
 //! instructions.
 
-use super::coat_columns::{CoatedBases, Metals, across2};
+use super::coat_columns::{CoatedBases, Metals, across2, grazing};
 use super::coated_base::CoatedBase;
 use super::facets::{FacetModel, Facets};
 use super::ggx::reflect;
@@ -275,9 +275,7 @@ impl<const METAL: bool> SeenCoats<METAL> {
                 let pdf_w = (1.0 - again) * pdf_w + again * cos_i * FRAC_1_PI;
                 scales.coat[lane] = if is_lobe { once } else { 0.0 };
                 scales.coat_pdf_w[lane] = if is_lobe { prob * pdf_w } else { 0.0 };
-                let grazing = (1.0 - wo.dot(m)).max(0.0);
-                let grazing2 = grazing * grazing;
-                scales.grazing[lane] = grazing2 * grazing2 * grazing;
+                scales.grazing[lane] = grazing(wo.dot(m));
                 let lost = self.lost[lane] * shares.lost[lane];
                 scales.lost[lane] = if is_lobe { lost } else { 0.0 };
                 continue;
