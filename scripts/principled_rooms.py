@@ -10,11 +10,12 @@ are written (room-maps with --maps). Of what the room says, this changes:
 - plastics have the roughness sqrt(alpha) and their index of refraction, metals are metallic with the reflectance at
   normal incidence, glass transmits,
 - the picture of a color and masks stay; bumps, black backs and other emitters are left out,
+- the map of an environment is not turned,
 - with --maps, surfaces with a picture also get a map of their roughness and one of normals, as bought materials have
   them: the picture's luminance, stretched to .2 to .8, and its slopes.
 
-With --compare, the room of Blender is rendered for so long by the add-on and by Cycles, and their relative squared
-errors are printed against the mean of references of --reference seconds by both. The variable BDPM names the program.
+With --compare, the room of Blender is rendered twice for so long by the add-on and by Cycles, and their relative squared
+errors are printed against references of --reference seconds by either. The variable BDPM names the program.
 """
 
 import argparse
@@ -73,7 +74,6 @@ class Room:
         self.has_maps = has_maps
         self.folder = path.parent
         self.root = tree.parse(path).getroot()
-        self.pictures = {}
         bpy.ops.wm.read_factory_settings(use_empty=True)
         self.scene = bpy.context.scene
         self.materials = {own.get("id"): self.material(own, own.get("id")) for own in self.root.findall("bsdf")}

@@ -4,7 +4,7 @@ use crate::common::far_counts::Subject;
 use crate::common::*;
 use bdpm::scene::bsdf::{Bsdf, ThinDielectric};
 use bdpm::scene::{Material, Medium, MediumBoundary, Mesh};
-use bdpm::settings::MediumQuery;
+use bdpm::settings::{MediumQuery, MisScales, Strategy};
 use bdpm::{Scene, Settings};
 use glam::Vec3;
 use std::sync::Arc;
@@ -65,11 +65,17 @@ pub fn foggy_room() -> Arc<Scene> {
 /// Asserts that coefficients that are measured at few paths predict the noise at others: vertices
 /// in media keep to the law. Direct light from photons takes more iterations:
 /// `tests/check/predicts.rs`.
-pub fn assert_noise_in_media((merge_vertex, medium_query, medium_share): (u32, MediumQuery, f64)) {
+pub fn assert_noise_in_media(
+    strategy: Strategy,
+    (merge_vertex, medium_query, medium_share): (u32, MediumQuery, f64),
+) {
     let asked = Settings { radius: 0.25, caustic_radius: 0.2, ..settings(8, 8) };
     let asked = Settings { direct: Direct::Connect, medium_scale: 1.5, ..asked };
+    // The law holds for fixed weights.
+    let mis_scales = strategy.is_weighted().then(|| MisScales::new(2000, 8));
+    let asked = Settings { strategy, mis_scales, ..asked };
     let settings = Settings { merge_vertex, medium_query, medium_share, ..asked };
-    let name = format!("media k = {merge_vertex} {medium_query:?} {medium_share}");
+    let name = format!("media {strategy:?} k = {merge_vertex} {medium_query:?} {medium_share}");
     let scene = &foggy_room();
     // Two standard errors: .03 with the 144 pixels of `far_counts::assert_far_counts`, hence
     // .03 sqrt(144/64) with these 64.

@@ -10,8 +10,8 @@ use bdpm::noise::Measure;
 use bdpm::render::{NestedPart, RenderConfig};
 use bdpm::scene::Environment;
 use bdpm::settings::Direct::PhotonMap;
-use bdpm::settings::MediumQuery;
 use bdpm::settings::MediumQuery::{Beams, Points};
+use bdpm::settings::{MediumQuery, Strategy};
 use bdpm::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
 use bdpm::transport::clearance::Clearance;
 use bdpm::transport::kernel::MergeKernel;
@@ -27,7 +27,7 @@ use std::sync::Arc;
 
 #[test]
 fn noise_in_media_is_predicted() {
-    assert_noise_in_media((1, Beams, 0.25));
+    assert_noise_in_media(Strategy::Single, (1, Beams, 0.25));
 }
 
 /// Merges in media that are done stand for those that are left out: the mean image is the same, and

@@ -176,8 +176,8 @@ impl<const METAL: bool> SeenCoats<METAL> {
 
     /// The surface of a lane whose coat may be metal.
     pub(in crate::scene) fn glossy(&self, lane: usize) -> Glossy {
-        let of = (self.albedo.get(lane), self.metals.metallic[lane]);
-        Glossy::of_parts(of, self.coats.eta[lane], self.coats.alpha[lane])
+        let (albedo, metallic) = (self.albedo.get(lane), self.metals.metallic[lane]);
+        Glossy::with_normal(albedo, metallic, self.coats.eta[lane], self.coats.alpha[lane])
     }
 
     /// Unit vectors toward the viewers.

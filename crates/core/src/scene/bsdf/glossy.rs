@@ -46,7 +46,8 @@ impl Glossy {
         Self::with_normal(albedo, metallic.clamp(0.0, 1.0), normal, alpha)
     }
 
-    fn with_normal(albedo: Rgb, metallic: f32, normal: f32, alpha: f32) -> Self {
+    /// [`Self::new`] by the reflectance of the dielectric at normal incidence.
+    pub(super) fn with_normal(albedo: Rgb, metallic: f32, normal: f32, alpha: f32) -> Self {
         let facets = Ggx { alpha: if alpha < SMOOTH_ALPHA { 0.0 } else { alpha.min(1.0) } };
         let multiple = metallic * multiple_scattering(&facets, fresnel::schlick_mean(albedo));
         let own = Self { albedo, metallic, normal, facets, base: 0.0, multiple };
@@ -105,16 +106,6 @@ impl Glossy {
     /// Multiple scattering of the metal over both shares that are lost, 1/sr.
     pub(super) fn multiple(&self) -> Rgb {
         self.multiple
-    }
-
-    /// The surface of these parts; see [`Self::new`]. `normal` is the reflectance of the dielectric
-    /// at normal incidence.
-    pub(in crate::scene) fn of_parts(
-        (albedo, metallic): (Rgb, f32),
-        normal: f32,
-        alpha: f32,
-    ) -> Self {
-        Self::with_normal(albedo, metallic, normal, alpha)
     }
 
     /// Mean share of diffuse light that enters the dielectric.
