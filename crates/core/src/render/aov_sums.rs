@@ -15,9 +15,6 @@ use std::mem;
 pub struct AovSums<'a> {
     /// One sum for each pixel; empty if no layer is kept.
     sums: &'a mut [AovSample],
-    /// Caustics of a batch of camera paths, if the merge of all photons does not separate them.
-    caustics: &'a mut MergeOutput,
-    gathers_caustics: bool,
     /// Whether direct light comes from the photon map, which stores it with the caustics.
     direct_is_gathered: bool,
     /// `1/N_F`.
@@ -25,22 +22,12 @@ pub struct AovSums<'a> {
 }
 
 impl<'a> AovSums<'a> {
-    /// Adds to `sums`; `caustics` is a workspace.
-    pub fn new(job: &Job, sums: &'a mut [AovSample], caustics: &'a mut MergeOutput) -> Self {
+    /// Adds to `sums`.
+    pub fn new(job: &Job, sums: &'a mut [AovSample]) -> Self {
         Self {
             sums,
-            caustics,
-            gathers_caustics: job.aovs.light && !job.merge.separates_caustics(),
             direct_is_gathered: job.pass.settings.direct == Direct::PhotonMap,
             per_light_path: job.per_light_path(),
-        }
-    }
-
-    /// Merges `paths` with the caustic photons only, if the merge of all photons does not separate
-    /// them.
-    pub fn gather_caustics(&mut self, job: &Job, paths: &CameraPaths) {
-        if self.gathers_caustics {
-            job.merge.caustics_only().gather(paths, self.caustics);
         }
     }
 
@@ -56,8 +43,7 @@ impl<'a> AovSums<'a> {
         let Some(sum) = self.sums.get_mut(pixel) else { return };
         let PathAov { emission, direct, caustics, albedo, normal, position, depth, hits, .. } =
             paths.aovs[number];
-        let all = if self.gathers_caustics { &self.caustics.caustics } else { &gathered.caustics };
-        let merged = all.get(number).map_or(DVec3::ZERO, |caustics| caustics.as_dvec3());
+        let merged = gathered.caustics.get(number).map_or(DVec3::ZERO, |own| own.as_dvec3());
         let mut light = LightComponents {
             emission: emission.as_dvec3(),
             direct: direct.as_dvec3(),

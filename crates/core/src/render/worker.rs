@@ -130,8 +130,6 @@ pub struct Worker {
     measurements: Vec<PixelMeasurement>,
     /// Means over the cells of a tile; not used if each cell is a single pixel.
     cells: CellSamples,
-    /// Merge of caustic photons only, for [`AovSums`].
-    caustics: MergeOutput,
     pairs: AllPairs,
     halves: Halves,
     counts: WorkerCounts,
@@ -172,7 +170,7 @@ impl Worker {
         let mut image = ImageSums {
             values: &mut self.values,
             annulus: &mut self.annulus,
-            aovs: AovSums::new(job, &mut self.aovs, &mut self.caustics),
+            aovs: AovSums::new(job, &mut self.aovs),
             leaves_out_direct: job.leaves_out_direct,
             per_light_path: job.per_light_path(),
             paths: ids.clone(),
@@ -181,7 +179,6 @@ impl Worker {
         let mut render = |ids, image: &mut ImageSums| {
             trace(job, ids, paths, counts, |paths| {
                 job.merge.gather(paths, gathered);
-                image.aovs.gather_caustics(job, paths);
                 for path in 0..paths.direct.len() {
                     image.end_path(paths, gathered, path);
                 }
@@ -366,7 +363,6 @@ impl<'a, E: Estimator> Measuring<'a, E> {
     ) {
         let job = self.job;
         trace(job, ids, paths, counts, |paths| {
-            self.image.aovs.gather_caustics(job, paths);
             job.merge.gather_pairs(paths, gathered, |gathered, complete| {
                 for path in complete {
                     for (pairs, nested) in gathered.pairs.of_path(path) {

@@ -60,13 +60,6 @@ impl Admission {
         !self.separate_classes && self.radius2[CAUSTIC] == self.radius2[DIFFUSE]
     }
 
-    /// Admits caustic photons only.
-    pub fn caustics_only(self) -> Self {
-        let mut radius2 = self.radius2;
-        radius2[DIFFUSE] = -1.0;
-        Self { radius2, ..self }
-    }
-
     /// Admits photons within the radii of a domain.
     #[must_use]
     pub fn within(self, domain: Domain) -> Self {

@@ -2,7 +2,6 @@
 
 use super::kernel::{ByClass, MergeKernel, NESTED, WavelengthKernel};
 use super::near_planes::NearPlanes;
-use super::photon::PhotonClass;
 use crate::base::math::{ball_volume, disc_area};
 use crate::settings::{MediumQuery, Settings};
 use glam::Vec3;
@@ -65,13 +64,6 @@ impl MediumKernel {
                 MediumQuery::Beams => 2.0 * radii[0].max(radii[1]),
             },
         }
-    }
-
-    /// Admits caustic photons only.
-    pub(super) fn caustics_only(self) -> Self {
-        let mut radius2 = self.radius2;
-        radius2[PhotonClass::Diffuse as usize] = -1.0;
-        Self { radius2, ..self }
     }
 
     /// The kernel for photons of a class where surfaces cut balls or discs: `share` is the part of

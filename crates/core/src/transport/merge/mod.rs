@@ -158,7 +158,8 @@ impl<'a> Merge<'a> {
         let has_caustics = map.has_caustic_photons();
         let kernel = if has_caustics { kernel } else { kernel.without_caustics() };
         let mut admission = kernel.admission();
-        admission.separate_classes = options.records_annulus && has_caustics;
+        let records_classes = options.records_annulus || options.records_caustics;
+        admission.separate_classes = records_classes && has_caustics;
         let (by_zone, max_pairs) = (map.is_large(), MAX_PAIRS);
         Self { map, merge_vertex, kernel, admission, medium: None, options, by_zone, max_pairs }
     }
@@ -181,21 +182,6 @@ impl<'a> Merge<'a> {
     /// Quantities that are recorded beside the sums, and MIS.
     pub fn options(&self) -> &MergeOptions {
         &self.options
-    }
-
-    /// Tests whether recorded caustics are complete: photon classes have sums of their own, or
-    /// there are no caustic photons.
-    pub fn separates_caustics(&self) -> bool {
-        !self.admission.is_uniform() || !self.map.has_caustic_photons()
-    }
-
-    /// Merges caustic photons only: separates caustics where both classes have one radius.
-    #[must_use]
-    pub fn caustics_only(self) -> Self {
-        let options = MergeOptions { records_annulus: false, ..self.options };
-        let medium =
-            self.medium.map(|own| MediumMerge { kernel: own.kernel.caustics_only(), ..own });
-        Self { admission: self.admission.caustics_only(), medium, options, ..self }
     }
 
     /// Approximate number of camera paths or gather points that are best merged together.

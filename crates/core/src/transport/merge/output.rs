@@ -13,8 +13,7 @@ pub struct MergeOutput {
     pub sums: Vec<Rgb>,
     /// The terms of these sums, from [`Merge::gather_pairs`](super::Merge::gather_pairs).
     pub pairs: PairList,
-    /// Part of the sums from caustic photons at first vertices, if recorded. It is complete if
-    /// [`Merge::separates_caustics`](super::Merge::separates_caustics).
+    /// Part of the sums from caustic photons at first vertices, if recorded.
     pub caustics: Vec<Rgb>,
     /// The sums less the sums at half the merge radii, by photon class, if recorded.
     pub annulus: Vec<ByClass<Rgb>>,
