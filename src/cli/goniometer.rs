@@ -17,10 +17,10 @@ use bdpm::light::photometry::{LuminaireDescription, OpeningShape, write_eulumdat
 use bdpm::light::polar_plot::polar_plot;
 use bdpm::light::step_blur::StepBlur;
 use bdpm::load::{LoadOptions, load_with};
+use bdpm::measurement::goniometer::{Goniometer, GoniometerGrid, Measured};
 use bdpm::measurement::normal_loss;
 use bdpm::scene::backend::{self, Backend};
 use bdpm::scene::{IntensityDistribution, Scene};
-use bdpm::transport::goniometer::{Goniometer, GoniometerGrid, Measured};
 use glam::DVec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};

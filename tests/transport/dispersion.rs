@@ -11,7 +11,7 @@ use bdpm::Settings;
 use bdpm::accel::{Intersect, Ray};
 use bdpm::base::rng::{Rng, Stream, StreamKey};
 use bdpm::base::spectrum::Wavelength;
-use bdpm::scene::bsdf::{Bsdf, RoughDielectric};
+use bdpm::scene::bsdf::{Bsdf, RoughDielectric, Transport};
 use bdpm::scene::{Material, Mesh, RefractiveIndex, Scene};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
@@ -47,7 +47,7 @@ fn follow(
 /// The reflected or the refracted direction at a smooth interface, whichever is asked for.
 fn direction(surface: &bdpm::scene::Surface, is_reflected: bool, rng: &mut Rng) -> Option<Vec3> {
     (0..10_000).find_map(|_| {
-        let wi = surface.scatter_flux(rng)?.wi;
+        let wi = surface.scatter_flux(&surface.vertex(Transport::Flux), rng)?.wi;
         ((wi.dot(surface.normal) > 0.0) == is_reflected).then_some(wi)
     })
 }

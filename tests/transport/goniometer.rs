@@ -4,9 +4,9 @@
 use crate::common::*;
 use bdpm::Scene;
 use bdpm::light::photometry::{LuminaireDescription, LuminaireFile, OpeningShape, write_lm63};
+use bdpm::measurement::goniometer::{Goniometer, GoniometerGrid};
 use bdpm::scene::{AimedDistribution, Emitter, Mesh, PointLuminaire};
 use bdpm::settings::Settings;
-use bdpm::transport::goniometer::{Goniometer, GoniometerGrid};
 use glam::{DMat3, Vec3};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;

@@ -99,7 +99,7 @@ impl Scene {
 
     /// The pane that a ray in the medium `around` meets at `surface`; `None` if it is none, or if
     /// the ray arrives from inside a slab. theory.md (30a), (30b)
-    pub(crate) fn pane_at(
+    pub fn pane_at(
         &self,
         accel: &dyn Intersect,
         surface: &Surface,

@@ -69,15 +69,19 @@ impl Surface<'_> {
 
     /// [`Self::scatter_flux`] by a shading normal.
     #[inline(never)] // keeps the common case short
-    pub(super) fn scatter_flux_by(&self, normal: Vec3, rng: &mut Rng) -> Option<BsdfSample> {
+    pub(super) fn scatter_flux_by(
+        &self,
+        normal: Vec3,
+        at: &Vertex,
+        rng: &mut Rng,
+    ) -> Option<BsdfSample> {
         let hidden = self.hidden_share(normal);
         if hidden > 0.0 && rng.next_1d() < hidden {
             return Some(self.scatter_below(normal, rng));
         }
-        let at = self.vertex(Transport::Flux);
-        let sample = self.bsdf.sample(&at, Transport::Flux, LobeSet::All, rng)?;
-        let scale = self.adjoint_correction(normal, &at, sample.wi) / (1.0 - hidden);
-        let agrees = self.agrees(&at, sample.wi);
+        let sample = self.bsdf.sample(at, Transport::Flux, LobeSet::All, rng)?;
+        let scale = self.adjoint_correction(normal, at, sample.wi) / (1.0 - hidden);
+        let agrees = self.agrees(at, sample.wi);
         agrees.then_some(BsdfSample { weight: sample.weight * scale, ..sample })
     }
 

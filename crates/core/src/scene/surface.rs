@@ -124,15 +124,13 @@ impl Surface<'_> {
         self.interpolated.is_none() || self.normal.dot(wi) * at.normal.dot(wi) > 0.0
     }
 
-    /// Samples the next direction of a light path; the weight is the factor of its flux.
+    /// Samples the next direction of a light path, where `at` is its [`Self::vertex`]; the weight
+    /// is the factor of its flux.
     #[inline(always)] // like the BSDF's
-    pub fn scatter_flux(&self, rng: &mut Rng) -> Option<BsdfSample> {
+    pub fn scatter_flux(&self, at: &Vertex, rng: &mut Rng) -> Option<BsdfSample> {
         match self.interpolated {
-            None => {
-                let at = self.vertex(Transport::Flux);
-                self.bsdf.sample(&at, Transport::Flux, LobeSet::All, rng)
-            }
-            Some(normal) => self.scatter_flux_by(normal, rng),
+            None => self.bsdf.sample(at, Transport::Flux, LobeSet::All, rng),
+            Some(normal) => self.scatter_flux_by(normal, at, rng),
         }
     }
 

@@ -9,7 +9,8 @@ use glam::Vec3;
 
 /// A point where a medium scatters a path.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct MediumVertex<'a> {
+pub struct MediumVertex<'a> {
+    /// The medium.
     pub medium: &'a Medium,
     /// Length of the way, scene units.
     pub distance: f32,
@@ -28,6 +29,11 @@ impl<'a> MediumVertex<'a> {
     pub fn on(ray: &Ray, medium: &'a Medium, distance: f32, weight: Rgb) -> Self {
         let (position, direction) = (ray.origin + distance * ray.direction, ray.direction);
         Self { medium, distance, position, direction, weight }
+    }
+
+    /// Factor of the weight of a path that goes on.
+    pub fn factor(&self) -> Rgb {
+        self.weight * self.medium.scattering
     }
 }
 

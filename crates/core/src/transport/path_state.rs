@@ -47,7 +47,7 @@ impl Columns<16> for PathStates {
 /// Paths end by roulette long before 511 diffuse vertices, the most that are counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
-pub(crate) struct History(u32);
+pub struct History(u32);
 
 impl History {
     /// Bits for the diffuse vertices.
@@ -162,13 +162,18 @@ impl History {
     }
 }
 
-/// State of one path without its ray; see [`PathStates`].
+/// State of one path without its ray.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PathState {
+pub struct PathState {
+    /// Its random numbers.
     pub rng: Rng,
+    /// Flux of a light path, W, or throughput of a camera path.
     pub weight: Rgb,
+    /// Reciprocal of the largest channel of the weight at the start.
     pub inverse_start: f32,
+    /// Its number.
     pub path: u32,
+    /// What it has met so far.
     pub history: History,
 }
 
@@ -221,12 +226,18 @@ pub(super) fn other_surface<'a>(
         at.set(lane, &point);
         return None;
     }
+    disperse(&mut surface, state);
+    Some(surface)
+}
+
+/// Gives a path that has none a wavelength, and the surface its index, where it is dispersive.
+#[inline]
+pub(super) fn disperse(surface: &mut Surface, state: &mut PathState) {
     if surface.material.dispersion.is_some() {
         let mut wavelength = state.history.wavelength();
         state.weight *= surface.disperse(&mut wavelength, &mut state.rng);
         state.history = state.history.with_wavelength(wavelength);
     }
-    Some(surface)
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! Light of points, spots and parallel light that arrives at meters by mirrors and through glass
 //! that is no pane: photons on discs, with their noise and bias.
 
+use super::meter_photons::{DiscIrradiances, MeterPhotons, RADII, RATIO};
 use super::reading::{Reading, SampleTail};
 use bdpm_core::accel::Intersect;
 use bdpm_core::scene::{Meter, Scene};
-use bdpm_core::transport::meter_photons::{DiscIrradiances, MeterPhotons, RADII, RATIO};
 use std::ops::Range;
 use std::time::{Duration, Instant};
 

@@ -247,12 +247,12 @@ impl Lights {
     }
 
     /// An index for [`Self::emit_chosen`] by a uniform number, and its probability.
-    pub(crate) fn choose_emitter(&self, u: f64) -> (usize, f32) {
+    pub fn choose_emitter(&self, u: f64) -> (usize, f32) {
         self.by_power.choose(u)
     }
 
     /// Probability of the index of [`Self::choose_emitter`].
-    pub(crate) fn emitter_prob(&self, index: usize) -> f32 {
+    pub fn emitter_prob(&self, index: usize) -> f32 {
         self.by_power.prob[index]
     }
 
@@ -262,8 +262,10 @@ impl Lights {
         self.by_power.choose(u)
     }
 
+    /// Starts a light path from the light with this index, which was chosen with this probability,
+    /// by uniform numbers.
     #[inline(never)] // point lights do not call it: see `emit_all`
-    pub(crate) fn emit_chosen(&self, index: usize, prob: f32, at: [f64; 4]) -> Emission {
+    pub fn emit_chosen(&self, index: usize, prob: f32, at: [f64; 4]) -> Emission {
         match self.emitters.get(index) {
             Some(emitter) => emitter.emit(prob, at),
             None => self.chosen_environment().emit(prob, at),

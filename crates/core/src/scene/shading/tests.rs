@@ -39,7 +39,9 @@ fn camera_weight(surface: &Surface, rng: &mut Rng) -> Option<(Vec3, f32)> {
 }
 
 fn light_weight(surface: &Surface, rng: &mut Rng) -> Option<(Vec3, f32)> {
-    surface.scatter_flux(rng).map(|sample| (sample.wi, sample.weight.x))
+    surface
+        .scatter_flux(&surface.vertex(Transport::Flux), rng)
+        .map(|sample| (sample.wi, sample.weight.x))
 }
 
 type Continue = fn(&Surface, &mut Rng) -> Option<(Vec3, f32)>;

@@ -4,6 +4,7 @@ use super::{Marks, Sides, Surfaces};
 use crate::accel::{Intersect, Ray};
 use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::scene::Scene;
+use crate::scene::bsdf::Transport;
 use rayon::prelude::*;
 
 /// Light paths: each component of a surface that matters to the image is found by some of them.
@@ -39,7 +40,8 @@ fn trace(scene: &Scene, accel: &dyn Intersect, marks: &Marks, rng: &mut Rng) {
         let mut surface = scene.surface(&ray, &hit);
         let _ = surface.disperse(&mut wavelength, rng);
         // Light that ends at a black back does not mark it: the back bounds something solid.
-        let Some(sample) = surface.scatter_flux(rng) else { return };
+        let at = surface.vertex(Transport::Flux);
+        let Some(sample) = surface.scatter_flux(&at, rng) else { return };
         marks.add(hit.mesh, hit.triangle, surface.front);
         if rng.next_1d() >= sample.weight.max_element().min(MAX_SURVIVAL) {
             return;

@@ -3,7 +3,6 @@
 //! [`non_diffuse`](super::non_diffuse) does the same, for all surfaces and strategies.
 
 use super::mis::LastVertex;
-use super::non_diffuse::{LONG_CHAIN, LONG_CHAIN_END, WEIGHT_FLOOR};
 use super::{CameraPass, CameraPaths, Connections};
 use crate::accel::HitPacket;
 use crate::base::math::{Rgb, luminance};
@@ -21,6 +20,7 @@ use crate::transport::mis::densities::{MIN_DENSITY, Survival, rough_density_of};
 use crate::transport::mis::weights::CameraPartial;
 use crate::transport::path_queue::Columns;
 use crate::transport::path_state::{History, PathStates};
+use crate::transport::roulette::{LONG_CHAIN, LONG_CHAIN_END, WEIGHT_FLOOR};
 use bytemuck::{Pod, Zeroable};
 use std::array::from_fn;
 use std::f32::consts::FRAC_1_PI;

@@ -1,7 +1,6 @@
 //! Vertices of camera paths in media.
 
-use super::mis::LastVertex;
-use super::non_diffuse::WEIGHT_FLOOR;
+use super::role::CameraRole;
 use super::{CameraPass, CameraPaths, Connections};
 use crate::accel::{HitPacket, Ray};
 use crate::base::math::Rgb;
@@ -9,9 +8,10 @@ use crate::base::spectrum::Wavelength;
 use crate::scene::{Flight, Media, Medium, Receiver};
 use crate::settings::MediumQuery;
 use crate::transport::free_flight::{MediumVertex, Passed, cross, travel, travel_all};
-use crate::transport::light_paths::survival;
 use crate::transport::path_state::{PathState, PathStates};
 use crate::transport::photon_tree::Segment;
+use crate::transport::roulette::WEIGHT_FLOOR;
+use crate::transport::step::step_in_medium;
 use glam::Vec3;
 
 /// A vertex of a camera path in a medium, at which photons are merged.
@@ -63,7 +63,7 @@ impl CameraPass<'_> {
 
     /// Paths that a medium scatters are sampled by one technique: merges and connections at the
     /// first vertex. theory.md (47p)
-    fn ends_in_media(&self) -> bool {
+    pub(super) fn ends_in_media(&self) -> bool {
         self.settings.strategy.weighs_merges()
     }
 
@@ -185,76 +185,45 @@ impl CameraPaths {
         passed: Passed,
         share: impl Fn(&MediumVertex) -> f32,
     ) {
-        match passed {
-            Passed::Boundary(ray) => self.next.push_state(&ray, &state),
+        let gone_on = match passed {
+            Passed::Boundary(ray) => Some((ray, state)),
             Passed::Scattered(vertex) => {
-                let share = share(&vertex);
-                if let Some((ray, state)) = self.scatter_in_medium(pass, &vertex, share, state) {
-                    self.next.push_state(&ray, &state);
-                }
+                let mut role = CameraRole::in_medium(self, pass, share(&vertex));
+                step_in_medium(&mut role, &vertex, state)
             }
+        };
+        if let Some((ray, state)) = gone_on {
+            self.next.push_state(&ray, &state);
         }
     }
 
-    /// Connects and gathers where a medium scatters a path. Returns the next segment unless the
-    /// path ends.
-    fn scatter_in_medium(
+    /// Stores a point at which photons are merged, if any are at this vertex. The path's weight
+    /// includes the scattering coefficient.
+    pub(super) fn merge_in_medium(
         &mut self,
         pass: &CameraPass,
         vertex: &MediumVertex,
-        share: f32,
-        mut state: PathState,
-    ) -> Option<(Ray, PathState)> {
-        let MediumVertex { medium, position, direction, weight, .. } = *vertex;
-        let scattered = weight * medium.scattering;
-        state.weight *= scattered;
+        state: &PathState,
+    ) {
         let number = state.history.diffuse() + 1;
-        if self.records_aovs {
-            self.record_medium(pass, &state, position);
+        if !pass.gathers_at(number) || pass.merges_along(number) {
+            return;
         }
-        if pass.connects() {
-            self.connect_in_medium(pass, vertex, share, &mut state);
-        }
-        if pass.gathers_at(number)
-            && !pass.merges_along(number)
-            && let Some(factor) = pass.merge_weight(&state)
-        {
-            let (path, weight, asymmetry) = (state.path, state.weight * factor, medium.asymmetry);
-            let (vertex, wavelength) = (number, state.history.wavelength());
-            self.medium_points.push(MediumPoint {
-                position,
-                path,
-                weight,
-                vertex,
-                direction,
-                asymmetry,
-                wavelength,
-            });
-        }
-        if !pass.goes_on_from(number) || pass.ends_in_media() {
-            return None;
-        }
-        state.history = state.history.scattered();
-        if number > 1 && self.mis.is_some() {
-            let survival = survival(scattered);
-            if state.rng.next_1d() >= survival {
-                return None;
-            }
-            state.weight /= survival;
-        }
-        let next = medium.scatter(direction, &mut state.rng);
-        if self.mis.is_some() {
-            let density = medium.phase(direction, next);
-            let receiver = Receiver { position, normal: None };
-            self.last_vertices[state.path as usize] =
-                LastVertex::in_medium(receiver, next, density);
-        }
-        Some((Ray::new(position, next), state))
+        let Some(factor) = pass.merge_weight(state) else { return };
+        self.medium_points.push(MediumPoint {
+            position: vertex.position,
+            path: state.path,
+            weight: state.weight * factor,
+            vertex: number,
+            direction: vertex.direction,
+            asymmetry: vertex.medium.asymmetry,
+            wavelength: state.history.wavelength(),
+        });
     }
 
     /// Connects a vertex with a light source. The path's weight includes the scattering
     /// coefficient, and `share` is the weight of the technique.
-    fn connect_in_medium(
+    pub(super) fn connect_in_medium(
         &mut self,
         pass: &CameraPass,
         vertex: &MediumVertex,

@@ -1,6 +1,5 @@
 //! Meters that measure irradiance: connections with light sources, also through panes.
 
-use super::non_diffuse::survives_passing;
 use super::{CameraPass, CameraPaths, Connections};
 use crate::accel::Ray;
 use crate::base::math::{Rgb, uniform_disc};
@@ -116,26 +115,4 @@ pub(super) fn pane_before_meter(
 ) -> Option<PanePassage> {
     let is_wanted = state.history.is_straight() && pass.scene.measures_irradiance();
     is_wanted.then(|| pass.scene.pane_at(pass.accel, surface, state.history.media())).flatten()
-}
-
-/// Takes a path from a meter through a pane, straight on or mirrored; `None` if it ends.
-pub(in crate::transport) fn at_pane(
-    pane: &PanePassage,
-    surface: &Surface,
-    mut state: PathState,
-) -> Option<(Ray, PathState)> {
-    let [transmitted, reflected] = [pane.transmitted, pane.reflected].map(Rgb::max_element);
-    let prob = transmitted / (transmitted + reflected);
-    if state.rng.next_1d() < prob {
-        state.weight *= pane.transmitted / prob;
-        state.history = state.history.within(pane.beyond);
-        if pane.is_slab() {
-            state.history = state.history.through_slab();
-        }
-        return Some((Ray::new(pane.start, -surface.wo), state));
-    }
-    state.weight *= pane.reflected / (1.0 - prob);
-    let mirrored = 2.0 * surface.normal.dot(surface.wo) * surface.normal - surface.wo;
-    survives_passing(&mut state)
-        .then(|| (Ray::new(surface.off_surface, mirrored.normalize()), state))
 }

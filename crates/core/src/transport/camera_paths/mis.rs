@@ -2,7 +2,6 @@
 //! camera paths hit.
 
 use super::CameraPaths;
-use super::non_diffuse::PathVertex;
 use crate::base::math::{Rgb, luminance};
 use crate::scene::bsdf::{BsdfSample, Lobe, LobeValue};
 use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
@@ -12,6 +11,7 @@ use crate::transport::mis::Mis;
 use crate::transport::mis::densities::{Directions, Survival};
 use crate::transport::mis::weights::{CameraPartial, GatherPartials};
 use crate::transport::path_state::PathStates;
+use crate::transport::step::PathVertex;
 use glam::Vec3;
 use std::array::from_fn;
 

@@ -11,6 +11,7 @@ mod meter;
 mod mis;
 mod non_diffuse;
 mod points;
+mod role;
 mod shadow_rays;
 mod suffixes;
 
@@ -41,7 +42,6 @@ use points::FirstVertex;
 use shadow_rays::Connections;
 use std::{array::from_fn, mem};
 pub use suffixes::CachedLight;
-pub(super) use {meter::at_pane, non_diffuse::survives_passing};
 
 /// Pixel and number of a camera path, which determine its random numbers.
 #[derive(Clone, Copy, Debug)]

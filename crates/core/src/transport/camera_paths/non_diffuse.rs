@@ -1,17 +1,18 @@
 //! Camera paths that leave the scene, or hit surfaces that are not only diffuse: one at a time.
 
-use super::meter::{at_pane, pane_before_meter};
+use super::meter::pane_before_meter;
+use super::role::CameraRole;
 use super::{CameraPass, CameraPaths, Connections};
-use crate::accel::{HitPacket, Ray};
+use crate::accel::HitPacket;
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
-use crate::scene::bsdf::{Lobe, LobeSet, LobeValue, Transport, Vertex};
+use crate::scene::bsdf::{Lobe, LobeValue, Transport};
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::{LightSample, Receiver, Scene, Surface};
 use crate::simd::draw::{KNOWN, OneKnownFirst};
 use crate::simd::{LANES, lanes_of};
-use crate::transport::light_paths::survival;
 use crate::transport::path_state::{PathState, PathStates, other_surface};
+use crate::transport::step::{PathVertex, Segment, step_at_pane, step_at_surface};
 use crate::transport::suffix_cache::CellLight;
 
 /// A camera path at a surface that is not only diffuse.
@@ -24,23 +25,11 @@ pub(super) struct ScalarVertex<'a> {
     pub cached: Option<CellLight>,
 }
 
-/// The next ray of a path, and its state.
-type Segment = (Ray, PathState);
-
 /// The lobes that connect with one light source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Connected {
     diffuse: bool,
     rough: bool,
-}
-
-/// A vertex of a camera path.
-pub(super) struct PathVertex<'a> {
-    pub surface: &'a Surface<'a>,
-    /// Shading normal and direction toward the camera.
-    pub at: &'a Vertex,
-    /// State of the path as it arrives.
-    pub state: &'a PathState,
 }
 
 impl CameraPaths {
@@ -95,7 +84,7 @@ impl CameraPaths {
     /// next segment unless the path ends.
     fn scatter_other(&mut self, pass: &CameraPass, other: &ScalarVertex) -> Option<Segment> {
         let ScalarVertex { surface, state, .. } = other;
-        let mut state = *state;
+        let state = *state;
         let diffuse = state.history.diffuse();
         if self.counts_surface(pass, state.path, state.history) {
             let mut emission = surface.emission();
@@ -106,50 +95,15 @@ impl CameraPaths {
                 self.add_hit(state.path, state.history, state.weight * emission);
             }
         }
-        let vertex = state.history.diffuse() + 1;
         let at = surface.vertex(Transport::Radiance);
         if self.records_aovs {
             self.record_other(pass, surface, &state, at.normal);
         }
         if let Some(pane) = pane_before_meter(pass, surface, &state) {
-            return at_pane(&pane, surface, state);
+            return step_at_pane(&pane, surface, state);
         }
-        let merges = surface.bsdf.merges();
-        if merges && other.cached.is_none() && pass.gathers_at(vertex) {
-            self.gather(surface, &at, &state);
-        }
-        // A path that is cut here still takes lobes that pass through.
-        let cut = merges && !pass.goes_on_from(vertex);
-        let wanted = if cut { LobeSet::PassThrough } else { LobeSet::All };
-        let sample = surface.bsdf.sample_lobe(&at, Transport::Radiance, wanted, &mut state.rng)?;
-        let is_lost = sample.weight == Rgb::ZERO || !surface.agrees(&at, sample.wi);
-        let share = if is_lost { Rgb::ZERO } else { sample.weight };
-        let is_over = !sample.lobe.passes_through()
-            && merges
-            && self.ends_or_records(pass, (other, state.weight * share), &at);
-        if is_lost || is_over {
-            return None;
-        }
-        self.update_partial(&PathVertex { surface, at: &at, state: &state }, &sample);
-        if self.records_aovs && sample.lobe == Lobe::Rough && state.history.diffuse() == 0 {
-            self.record_rough(state.path);
-        }
-        // theory.md (41)
-        state.weight *= sample.weight;
-        state.history = state.history.leaving(pass.scene, surface, sample.wi);
-        if sample.lobe.passes_through() {
-            let ray = Ray::new(surface.start(sample.wi), sample.wi);
-            return survives_passing(&mut state).then_some((ray, state));
-        }
-        state.history = state.history.scattered();
-        if vertex > 1 && self.mis.is_some() {
-            let survival = survival(sample.weight);
-            if state.rng.next_1d() >= survival {
-                return None;
-            }
-            state.weight /= survival;
-        }
-        Some((Ray::new(surface.start(sample.wi), sample.wi), state))
+        let mut role = CameraRole::at_surface(self, pass, other);
+        step_at_surface(&mut role, pass.scene, surface, &at, state)
     }
 
     /// Connects all vertices. Both lobes of a vertex share a light source, and most of them a
@@ -245,32 +199,4 @@ impl CameraPaths {
         let contribution = state.weight * values.value * light.irradiance * cos_theta;
         contribution * self.connection_weight(scene.lights(), vertex, (lobe, values), light)
     }
-}
-
-/// Share of the initial weight below which paths that pass through a vertex may end: theory.md
-/// (44).
-pub(super) const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
-
-/// Number of vertices passed through from which on a path ends with the probability
-/// [`LONG_CHAIN_END`] at each of them: mirrors may trap light.
-pub(super) const LONG_CHAIN: u32 = 16;
-pub(super) const LONG_CHAIN_END: f32 = 0.1;
-
-/// Plays roulette where a path passes through a vertex, and returns whether it survives.
-pub(in crate::transport) fn survives_passing(state: &mut PathState) -> bool {
-    state.history = state.history.passed_through();
-    // Channels of a path with a wavelength may be negative.
-    let share = state.weight.abs().max_element() * state.inverse_start;
-    // theory.md (44)
-    let mut survival = (share / WEIGHT_FLOOR).min(1.0);
-    if state.history.passed() >= LONG_CHAIN {
-        survival = survival.min(1.0 - LONG_CHAIN_END);
-    }
-    if survival < 1.0 {
-        if state.rng.next_1d() >= survival {
-            return false;
-        }
-        state.weight /= survival;
-    }
-    true
 }

@@ -11,6 +11,7 @@ use crate::scene::diffuse::DiffuseVertices;
 use crate::simd::{LANES, Mask};
 use crate::transport::merge::{Merge, MergeOutput};
 use crate::transport::path_state::{History, PathStates};
+use crate::transport::step::PathVertex;
 use crate::transport::suffix_cache::{
     CellLight, CellPoint, MergedLight, SuffixCache, SuffixRecord,
 };
@@ -128,10 +129,11 @@ impl CameraPaths {
     pub(super) fn ends_or_records(
         &mut self,
         pass: &CameraPass,
-        (other, carried): (&ScalarVertex, Rgb),
-        at: &Vertex,
+        vertex: &PathVertex,
+        (distance, cached): (f32, &Option<CellLight>),
+        carried: Rgb,
     ) -> bool {
-        let ScalarVertex { surface, state, distance, cached } = other;
+        let PathVertex { surface, at, state } = *vertex;
         if let Some(light) = cached {
             self.add_cached(state.path, carried, light);
             return true;
@@ -141,7 +143,7 @@ impl CameraPaths {
             let lobe = Lobe {
                 at: CellPoint { position: surface.position, normal: at.normal, front: at.front },
                 carried: carried * prob,
-                distance: *distance,
+                distance,
             };
             self.record(&lobe, state.path, prob);
         }

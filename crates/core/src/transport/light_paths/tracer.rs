@@ -2,9 +2,10 @@
 
 use super::photon_list::PhotonList;
 use super::{Batch, LightPass, class_of, survival};
-use crate::accel::{Coherence, HitPacket, Ray};
+use crate::accel::{Coherence, HitPacket};
 use crate::base::math::{Rgb, pack_direction};
-use crate::scene::bsdf::Lobe;
+use crate::base::rng::Rng;
+use crate::scene::bsdf::{BsdfSample, Lobe, Transport};
 use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
 use crate::scene::{Emitter, HitScratch, Surface};
 use crate::simd::dispatch::{Simd, vectorized};
@@ -15,7 +16,8 @@ use crate::transport::mis::photons::LightPartials;
 use crate::transport::path_queue::PathQueue;
 use crate::transport::path_state::{History, PathState, PathStates, other_surface};
 use crate::transport::photon::{Arrival, Extent, Photon, PhotonPacket, pack_wavelength};
-use crate::transport::roulette::{leave, survives};
+use crate::transport::roulette::survives;
+use crate::transport::step::{PathVertex, Role, step_at_surface, step_in_medium};
 use glam::Vec3;
 use std::mem;
 use std::ops::Range;
@@ -152,9 +154,13 @@ impl Tracer {
             for lane in lanes_of(rest.others) {
                 let (ray, mut state) = states.get(lane);
                 let hit = hits.get(lane);
-                if let Some(surface) = other_surface(scene, &ray, &hit, &mut at, lane, &mut state)
-                    && let Some((ray, state)) = self.scatter_other(pass, &surface, state)
-                {
+                let surface = other_surface(scene, &ray, &hit, &mut at, lane, &mut state);
+                let gone_on = surface.and_then(|surface| {
+                    let vertex = surface.vertex(Transport::Flux);
+                    let mut role = LightRole { tracer: self, pass };
+                    step_at_surface(&mut role, scene, &surface, &vertex, state)
+                });
+                if let Some((ray, state)) = gone_on {
                     self.next.push_state(&ray, &state);
                 }
             }
@@ -169,27 +175,17 @@ impl Tracer {
         self.segments = mem::replace(&mut self.next, segments);
     }
 
-    /// Continues a path that met no surface that scatters. Where a medium scatters it, stores a
-    /// photon.
+    /// Continues a path that met no surface that scatters.
     #[inline(never)] // media are rare
-    fn pass(&mut self, pass: &LightPass, mut state: PathState, passed: Passed) {
-        let MediumVertex { medium, position, direction, weight, .. } = match passed {
-            Passed::Boundary(ray) => return self.next.push_state(&ray, &state),
-            Passed::Scattered(vertex) => vertex,
+    fn pass(&mut self, pass: &LightPass, state: PathState, passed: Passed) {
+        let gone_on = match passed {
+            Passed::Boundary(ray) => Some((ray, state)),
+            Passed::Scattered(vertex) => {
+                step_in_medium(&mut LightRole { tracer: self, pass }, &vertex, state)
+            }
         };
-        if pass.leaves_out(state.history) {
-            return;
-        }
-        if self.stores(state.history) {
-            // theory.md (37g)
-            let (at, flux) = ((position, Vec3::ZERO), state.weight * weight);
-            let photon = self.photon(pass, &state, at, flux, Some(-direction));
-            self.medium_photons.push(photon);
-        }
-        if survives(weight * medium.scattering, &mut state) {
-            state.history = state.history.scattered_in_medium();
-            let next = medium.scatter(direction, &mut state.rng);
-            self.next.push_state(&Ray::new(position, next), &state);
+        if let Some((ray, state)) = gone_on {
+            self.next.push_state(&ray, &state);
         }
     }
 
@@ -303,40 +299,6 @@ impl Tracer {
         }
     }
 
-    /// Stores and scatters at a surface that is not only diffuse. Returns the next ray unless the
-    /// path ends.
-    fn scatter_other(
-        &mut self,
-        pass: &LightPass,
-        surface: &Surface,
-        mut state: PathState,
-    ) -> Option<(Ray, PathState)> {
-        let lights = pass.scene.lights();
-        let Surface { position, normal, wo, .. } = *surface;
-        if surface.bsdf.merges() && self.stores(state.history) {
-            self.partials.store(&state);
-            let TriangleSide { mesh, side } = surface.facet;
-            let tag = pass.areas.map_or(0, |areas| areas.side_tag(mesh, side));
-            let from = self.stores_directions.then_some(wo);
-            let photon = self.photon(pass, &state, (position, normal), state.weight, from);
-            self.photons.push(photon.on_side(tag));
-        }
-        let sample = surface.scatter_flux(&mut state.rng)?;
-        if pass.leaves_out(state.history) && sample.lobe != Lobe::Delta {
-            return None;
-        }
-        if self.only_caustics && !sample.lobe.passes_through() {
-            return None;
-        }
-        self.partials.scatter(lights, surface, &state, &sample);
-        state.history = if sample.lobe.passes_through() {
-            state.history.passed_through()
-        } else {
-            state.history.scattered()
-        };
-        leave(pass.scene, surface, &sample, state)
-    }
-
     /// Tests whether a path leaves a photon at its next vertex where photons are merged.
     #[inline(always)] // part of vector loops
     fn stores(&self, history: History) -> bool {
@@ -360,5 +322,54 @@ impl Tracer {
             photon.from = pack_wavelength(photon.from, state.history.wavelength_index());
         }
         photon
+    }
+}
+
+/// What sets light paths apart at vertices that are handled alone.
+struct LightRole<'a> {
+    tracer: &'a mut Tracer,
+    pass: &'a LightPass<'a>,
+}
+
+impl Role for LightRole<'_> {
+    const TRANSPORT: Transport = Transport::Flux;
+
+    fn at_surface(&mut self, vertex: &PathVertex, rng: &mut Rng) -> Option<BsdfSample> {
+        let Self { tracer, pass } = self;
+        let PathVertex { surface, at, state } = *vertex;
+        let Surface { position, normal, wo, .. } = *surface;
+        if surface.bsdf.merges() && tracer.stores(state.history) {
+            tracer.partials.store(state);
+            let TriangleSide { mesh, side } = surface.facet;
+            let tag = pass.areas.map_or(0, |areas| areas.side_tag(mesh, side));
+            let from = tracer.stores_directions.then_some(wo);
+            let photon = tracer.photon(pass, state, (position, normal), state.weight, from);
+            tracer.photons.push(photon.on_side(tag));
+        }
+        let sample = surface.scatter_flux(at, rng)?;
+        let is_left_out = pass.leaves_out(state.history) && sample.lobe != Lobe::Delta;
+        if is_left_out || tracer.only_caustics && !sample.lobe.passes_through() {
+            return None;
+        }
+        tracer.partials.scatter(pass.scene.lights(), surface, state, &sample);
+        Some(sample)
+    }
+
+    fn arrive_in_medium(&mut self, vertex: &MediumVertex, state: &mut PathState) -> bool {
+        let Self { tracer, pass } = self;
+        if pass.leaves_out(state.history) {
+            return false;
+        }
+        if tracer.stores(state.history) {
+            // theory.md (37g)
+            let (at, flux) = ((vertex.position, Vec3::ZERO), state.weight * vertex.weight);
+            let photon = tracer.photon(pass, state, at, flux, Some(-vertex.direction));
+            tracer.medium_photons.push(photon);
+        }
+        true
+    }
+
+    fn survives(&self, weight: Rgb, _lobe: Option<Lobe>, state: &mut PathState) -> bool {
+        survives(weight, state)
     }
 }

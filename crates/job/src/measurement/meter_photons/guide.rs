@@ -1,8 +1,8 @@
 //! A guide for the starts of light paths that arrive at meters: a histogram over the light and the
 //! first two uniform numbers of its emission.
 
-use crate::base::rng::Rng;
-use crate::scene::Lights;
+use bdpm_core::base::rng::Rng;
+use bdpm_core::scene::Lights;
 
 /// Share of the starts that no guide changes, so that all light has a positive density.
 const UNGUIDED: f64 = 0.2;

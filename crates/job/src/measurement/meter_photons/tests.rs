@@ -1,9 +1,9 @@
 //! Photons at a meter that a mirror lights.
 
 use super::*;
-use crate::scene::backend::{self, Backend};
-use crate::scene::bsdf::Bsdf;
-use crate::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
+use bdpm_core::scene::backend::{self, Backend};
+use bdpm_core::scene::bsdf::Bsdf;
+use bdpm_core::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
 use glam::Vec3;
 
 /// A point light of 1 W/sr at (0, 0, 1) beside a mirror in the plane x = 1.

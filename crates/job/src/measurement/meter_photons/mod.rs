@@ -7,14 +7,15 @@ mod guide;
 #[cfg(test)]
 mod tests;
 
-use super::camera_paths::{at_pane, survives_passing};
-use super::free_flight::{Passed, travel};
-use super::path_state::{History, PathState};
-use crate::accel::{Coherence, Hit, Intersect, Ray};
-use crate::base::math::{Rgb, luminance};
-use crate::base::rng::{Rng, Stream, StreamKey};
-use crate::scene::bsdf::{Lobe, LobeSet, Transport};
-use crate::scene::{Emission, Lights, Meter, Scene, Surface};
+use bdpm_core::accel::{Hit, Intersect, Ray};
+use bdpm_core::base::math::{Rgb, luminance};
+use bdpm_core::base::rng::{Rng, Stream, StreamKey};
+use bdpm_core::scene::bsdf::{BsdfSample, Lobe, LobeSet, Transport};
+use bdpm_core::scene::{Emission, Lights, Meter, Scene, Surface};
+use bdpm_core::transport::free_flight::MediumVertex;
+use bdpm_core::transport::path_state::{History, PathState};
+use bdpm_core::transport::roulette::survives_passing;
+use bdpm_core::transport::step::{PathVertex, Role, Segment, Walker, step_at_pane, walk};
 pub use discs::{MeterDiscs, RADII, RATIO};
 use guide::{GuideGrid, GuidedStart, StartGuide};
 use rayon::prelude::*;
@@ -236,43 +237,26 @@ impl<'a> MeterPhotons<'a> {
         (0..count).into_par_iter().map(one).collect()
     }
 
-    /// Traces paths bounce by bounce.
+    /// Traces paths to their ends.
     fn trace(
         &self,
         rngs: impl Iterator<Item = Rng>,
         grid: GuideGrid,
         discs: &MeterDiscs,
     ) -> BatchSums {
-        let mut sums = BatchSums::default();
-        let mut paths: Vec<_> = rngs.map(|rng| self.start(rng, grid)).collect();
-        let mut hits = Vec::new();
-        while !paths.is_empty() {
-            let rays: Vec<Ray> = paths.iter().map(|(ray, ..)| *ray).collect();
-            hits.clear();
-            hits.resize(rays.len(), Hit::MISS);
-            self.accel.closest_hits(&rays, &mut hits, Coherence::Incoherent);
-            let mut next = Vec::with_capacity(paths.len());
-            for ((ray, mut state, cell), hit) in paths.into_iter().zip(&hits) {
-                if !state.history.is_straight() {
-                    self.collect(&ray, hit, &state, discs, cell, &mut sums);
-                }
-                let media = self.scene.media();
-                let passed =
-                    media.and_then(|media| travel(self.scene, media, &ray, hit, &mut state));
-                match passed {
-                    Some(Passed::Boundary(ray)) => next.push((ray, state, cell)),
-                    Some(Passed::Scattered(_)) => {}
-                    None if hit.is_miss() => {}
-                    None => {
-                        let surface = self.scene.surface(&ray, hit);
-                        let gone_on = self.pass(&surface, state);
-                        next.extend(gone_on.map(|(ray, state)| (ray, state, cell)));
-                    }
-                }
-            }
-            paths = next;
-        }
-        sums
+        let mut starts = Vec::new();
+        let paths: Vec<Segment> = (0..)
+            .zip(rngs)
+            .map(|(path, rng)| {
+                let (ray, state, cell) = self.start(rng, grid);
+                starts.push(cell);
+                (ray, PathState { path, ..state })
+            })
+            .collect();
+        let sums = BatchSums::default();
+        let mut batch = Batch { photons: self, discs, starts, sums };
+        walk(&mut batch, (self.scene, self.accel), paths.into_iter());
+        batch.sums
     }
 
     fn start(&self, mut rng: Rng, grid: GuideGrid) -> (Ray, PathState, usize) {
@@ -290,53 +274,69 @@ impl<'a> MeterPhotons<'a> {
         let state = PathState { rng, weight, inverse_start, path: 0, history };
         (Ray::new(origin, direction), state, start.cell)
     }
+}
 
+/// A batch of paths.
+struct Batch<'a> {
+    photons: &'a MeterPhotons<'a>,
+    discs: &'a MeterDiscs,
+    /// Cell of the start of each path.
+    starts: Vec<usize>,
+    sums: BatchSums,
+}
+
+impl Role for Batch<'_> {
+    const TRANSPORT: Transport = Transport::Flux;
+
+    fn at_surface(&mut self, vertex: &PathVertex, rng: &mut Rng) -> Option<BsdfSample> {
+        let PathVertex { surface, at, state } = *vertex;
+        let sample = surface.bsdf.sample(at, Transport::Flux, LobeSet::PassThrough, rng)?;
+        // Meters are connected with the vertices next to the lights if their lobes have a finite
+        // density.
+        let is_connected = state.history.is_start() && sample.lobe == Lobe::Rough;
+        let goes_on = !is_connected && sample.lobe.passes_through();
+        (goes_on && surface.agrees(at, sample.wi)).then_some(sample)
+    }
+
+    fn arrive_in_medium(&mut self, _vertex: &MediumVertex, _state: &mut PathState) -> bool {
+        false
+    }
+
+    fn survives(&self, weight: Rgb, _lobe: Option<Lobe>, state: &mut PathState) -> bool {
+        state.weight *= weight;
+        // Glass may trap light by total reflection.
+        survives_passing(state)
+    }
+}
+
+impl Walker for Batch<'_> {
     /// Adds the crossings of discs by a segment.
-    fn collect(
-        &self,
-        ray: &Ray,
-        hit: &Hit,
-        state: &PathState,
-        discs: &MeterDiscs,
-        cell: usize,
-        sums: &mut BatchSums,
-    ) {
+    fn segment(&mut self, ray: &Ray, hit: &Hit, state: &PathState) {
+        if state.history.is_straight() {
+            return;
+        }
+        let Self { photons: MeterPhotons { scene, .. }, discs, starts, sums } = self;
         let mut has_arrived = false;
-        let medium = self.scene.media().and_then(|media| media.medium(state.history.media()));
+        let medium = scene.media().and_then(|media| media.medium(state.history.media()));
         discs.cross(ray.origin, ray.direction, hit.t, |meter, levels, distance| {
             has_arrived = true;
             let way = medium.map_or(Rgb::ONE, |medium| medium.transmittance(distance));
             let flux = f64::from(luminance(state.weight * way));
             sums.crossings.push((meter, levels as u8, flux));
         });
-        sums.cells.extend(has_arrived.then_some(cell));
+        sums.cells.extend(has_arrived.then_some(starts[state.path as usize]));
     }
 
-    /// Takes a path on from a surface by a lobe that passes through, unless it ends.
-    fn pass(&self, surface: &Surface, mut state: PathState) -> Option<(Ray, PathState)> {
-        let history = state.history;
-        if history.is_straight()
-            && let Some(pane) = self.scene.pane_at(self.accel, surface, history.media())
-        {
-            let (ray, state) = at_pane(&pane, surface, state)?;
-            return Some((ray, PathState { history: state.history.through_slab(), ..state }));
-        }
-        let mut surface = *surface;
-        let mut wavelength = history.wavelength();
-        state.weight *= surface.disperse(&mut wavelength, &mut state.rng);
-        state.history = history.with_wavelength(wavelength);
-        let at = surface.vertex(Transport::Flux);
-        let sample =
-            surface.bsdf.sample(&at, Transport::Flux, LobeSet::PassThrough, &mut state.rng)?;
-        // Meters are connected with the vertices next to the lights if their lobes have a finite
-        // density.
-        let is_connected = history.is_start() && sample.lobe == Lobe::Rough;
-        if is_connected || !sample.lobe.passes_through() || !surface.agrees(&at, sample.wi) {
+    fn pass_straight(&self, surface: &Surface, state: &PathState) -> Option<Option<Segment>> {
+        let MeterPhotons { scene, accel, .. } = *self.photons;
+        if !state.history.is_straight() {
             return None;
         }
-        state.weight *= sample.weight;
-        state.history = state.history.leaving(self.scene, &surface, sample.wi);
-        // Glass may trap light by total reflection.
-        survives_passing(&mut state).then(|| (Ray::new(surface.start(sample.wi), sample.wi), state))
+        let pane = scene.pane_at(accel, surface, state.history.media())?;
+        let gone_on = step_at_pane(&pane, surface, *state);
+        Some(
+            gone_on
+                .map(|(ray, own)| (ray, PathState { history: own.history.through_slab(), ..own })),
+        )
     }
 }

@@ -7,15 +7,17 @@
 //! over the integral of `b` over all directions. Values interpolated between the nodes then have
 //! exactly the flux of all paths, because the hat functions add up to 1.
 
-use super::free_flight::{MediumVertex, Passed, travel};
-use super::path_state::{History, PathState};
-use super::roulette::{leave, survives};
-use crate::accel::{Coherence, Hit, Intersect, Ray};
-use crate::base::error::{Error, Result};
-use crate::base::math::luminance;
-use crate::base::photometry::LUMENS_PER_WATT;
-use crate::base::rng::{Rng, Stream, StreamKey};
-use crate::scene::{Emission, Emitter, IntensityDistribution, Photometry, Scene, Surface};
+use bdpm_core::accel::{Intersect, Ray};
+use bdpm_core::base::error::{Error, Result};
+use bdpm_core::base::math::{Rgb, luminance};
+use bdpm_core::base::photometry::LUMENS_PER_WATT;
+use bdpm_core::base::rng::{Rng, Stream, StreamKey};
+use bdpm_core::scene::bsdf::{BsdfSample, Lobe, Transport};
+use bdpm_core::scene::{Emission, Emitter, IntensityDistribution, Photometry, Scene};
+use bdpm_core::transport::free_flight::MediumVertex;
+use bdpm_core::transport::path_state::{History, PathState};
+use bdpm_core::transport::roulette::survives;
+use bdpm_core::transport::step::{PathVertex, Role, Segment, Walker, walk};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -138,7 +140,8 @@ pub struct Measured {
 }
 
 /// Flux of the nodes that the paths of a batch leave in, W, and of all of them.
-struct BatchSums {
+struct BatchSums<'a> {
+    grid: &'a GoniometerGrid,
     nodes: Vec<f64>,
     total: f64,
 }
@@ -209,38 +212,16 @@ impl Goniometer {
         self.iterations += 1;
     }
 
-    /// Traces paths bounce by bounce.
+    /// Traces paths to their ends.
     fn trace(
         &self,
         scene: &Scene,
         accel: &dyn Intersect,
         rngs: impl Iterator<Item = Rng>,
-    ) -> BatchSums {
-        let mut sums = BatchSums { nodes: vec![0.0; self.grid.nodes()], total: 0.0 };
-        let mut paths: Vec<_> = rngs.map(|rng| start(scene, accel, rng)).collect();
-        let mut hits = Vec::new();
-        while !paths.is_empty() {
-            let rays: Vec<Ray> = paths.iter().map(|(ray, ..)| *ray).collect();
-            hits.clear();
-            hits.resize(rays.len(), Hit::MISS);
-            accel.closest_hits(&rays, &mut hits, Coherence::Incoherent);
-            let mut next = Vec::with_capacity(paths.len());
-            for ((ray, mut state), hit) in paths.into_iter().zip(&hits) {
-                if let Some(media) = scene.media()
-                    && let Some(passed) = travel(scene, media, &ray, hit, &mut state)
-                {
-                    next.extend(passing(passed, state));
-                } else if hit.is_miss() {
-                    let flux = f64::from(luminance(state.weight));
-                    let direction = ray.direction.as_dvec3().normalize_or_zero();
-                    self.grid.splat(direction, |node, weight| sums.nodes[node] += flux * weight);
-                    sums.total += flux;
-                } else {
-                    next.extend(scattered(scene, &scene.surface(&ray, hit), state));
-                }
-            }
-            paths = next;
-        }
+    ) -> BatchSums<'_> {
+        let nodes = vec![0.0; self.grid.nodes()];
+        let mut sums = BatchSums { grid: &self.grid, nodes, total: 0.0 };
+        walk(&mut sums, (scene, accel), rngs.map(|rng| start(scene, accel, rng)));
         sums
     }
 
@@ -320,7 +301,7 @@ impl Goniometer {
 }
 
 /// Starts a light path.
-fn start(scene: &Scene, accel: &dyn Intersect, mut rng: Rng) -> (Ray, PathState) {
+fn start(scene: &Scene, accel: &dyn Intersect, mut rng: Rng) -> Segment {
     let Emission { origin, direction, flux } = scene.lights().emit(&mut rng);
     let around = scene.media().map(|media| media.at(scene, accel, origin)).unwrap_or_default();
     let history = History::default().within(around);
@@ -328,26 +309,29 @@ fn start(scene: &Scene, accel: &dyn Intersect, mut rng: Rng) -> (Ray, PathState)
     (Ray::new(origin, direction), state)
 }
 
-/// Continues a light path that met no surface that scatters, unless it ends.
-fn passing(passed: Passed, mut state: PathState) -> Option<(Ray, PathState)> {
-    match passed {
-        Passed::Boundary(ray) => Some((ray, state)),
-        Passed::Scattered(MediumVertex { medium, position, direction, weight, .. }) => {
-            let next = medium.scatter(direction, &mut state.rng);
-            survives(weight * medium.scattering, &mut state)
-                .then_some((Ray::new(position, next), state))
-        }
+impl Role for BatchSums<'_> {
+    const TRANSPORT: Transport = Transport::Flux;
+
+    fn at_surface(&mut self, vertex: &PathVertex, rng: &mut Rng) -> Option<BsdfSample> {
+        vertex.surface.scatter_flux(vertex.at, rng)
+    }
+
+    fn arrive_in_medium(&mut self, _vertex: &MediumVertex, _state: &mut PathState) -> bool {
+        true
+    }
+
+    fn survives(&self, weight: Rgb, _lobe: Option<Lobe>, state: &mut PathState) -> bool {
+        survives(weight, state)
     }
 }
 
-/// Continues a light path at a surface, unless it ends.
-fn scattered(scene: &Scene, surface: &Surface, mut state: PathState) -> Option<(Ray, PathState)> {
-    let mut surface = *surface;
-    let mut wavelength = state.history.wavelength();
-    state.weight *= surface.disperse(&mut wavelength, &mut state.rng);
-    state.history = state.history.with_wavelength(wavelength);
-    let sample = surface.scatter_flux(&mut state.rng)?;
-    leave(scene, &surface, &sample, state)
+impl Walker for BatchSums<'_> {
+    fn leave_scene(&mut self, ray: &Ray, state: &PathState) {
+        let flux = f64::from(luminance(state.weight));
+        let direction = ray.direction.as_dvec3().normalize_or_zero();
+        self.grid.splat(direction, |node, weight| self.nodes[node] += flux * weight);
+        self.total += flux;
+    }
 }
 
 #[cfg(test)]

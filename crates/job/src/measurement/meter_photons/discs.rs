@@ -1,6 +1,6 @@
 //! Discs of meters, which collect the photons that cross them.
 
-use crate::scene::Meter;
+use bdpm_core::scene::Meter;
 use glam::Vec3;
 use std::collections::HashMap;
 
@@ -113,7 +113,7 @@ fn cell(point: [f32; 2], radius: f32) -> [i32; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::rng::{Stream, StreamKey};
+    use bdpm_core::base::rng::{Stream, StreamKey};
 
     /// Discs by cells against all discs one by one.
     #[test]
