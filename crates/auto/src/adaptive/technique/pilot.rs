@@ -182,7 +182,7 @@ impl Pilot<'_> {
         let luminances = |own: &Tried| {
             own.trials[0].noise.pixels.iter().map(|pixel| pixel.luminance).collect::<Vec<_>>()
         };
-        let weights = &median_weights(&merging.map(luminances).collect::<Vec<_>>());
+        let weights = &common_weights(merging.map(luminances));
         let brightest = self.runner.brightest();
         let is_refuted = |own: &&Tried| {
             let trial = &own.trials[0];
@@ -333,28 +333,43 @@ impl Tried {
     }
 }
 
-/// Weights of the pixels' squared errors by the median of several luminances of them. Rare hits of
-/// path tracing do not change them: the differences at the hits would count for less than those
-/// everywhere else, which they balance.
-fn median_weights(luminances: &[Vec<f64>]) -> Vec<f64> {
-    let pixels = luminances.first().map_or(0, Vec::len);
-    let median = |pixel: usize| {
-        let mut all: Vec<f64> = luminances.iter().map(|own| own[pixel]).collect();
-        all.sort_by(f64::total_cmp);
-        all[(all.len() - 1) / 2]
+/// Weights of the pixels' squared errors by the mean of several luminances of them, so that all
+/// techniques have the same weights. The largest luminance of a pixel counts as the second largest.
+/// Else the rare hits of a technique that finds a lamp by chance would make its own noise there
+/// look small, and the differences to the others count for less than those everywhere else, which
+/// they balance.
+pub fn common_weights(luminances: impl Iterator<Item = Vec<f64>>) -> Vec<f64> {
+    let all: Vec<Vec<f64>> = luminances.collect();
+    let pixels = all.first().map_or(0, Vec::len);
+    let mean = |pixel: usize| {
+        let (mut sum, mut largest) = (0.0, [f64::NEG_INFINITY; 2]);
+        for own in all.iter().map(|own| own[pixel]) {
+            sum += own;
+            largest = if own > largest[0] {
+                [own, largest[0]]
+            } else {
+                [largest[0], own.max(largest[1])]
+            };
+        }
+        let above = if all.len() > 1 { largest[0] - largest[1] } else { 0.0 };
+        (sum - above) / all.len() as f64
     };
-    luminance_weights(&(0..pixels).map(median).collect::<Vec<_>>())
+    luminance_weights(&(0..pixels).map(mean).collect::<Vec<_>>())
 }
 
-/// Weights of the pixels' squared errors by the mean of several luminances of them, so that all
-/// techniques have the same weights.
-pub fn common_weights(luminances: impl Iterator<Item = Vec<f64>>) -> Vec<f64> {
-    let (mut mean, mut count) = (Vec::new(), 0.0);
-    for own in luminances {
-        mean.resize(own.len(), 0.0);
-        mean.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
-        count += 1.0;
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hit_of_a_single_technique_changes_no_weight() {
+        let weights = |own: [[f64; 3]; 3]| common_weights(own.into_iter().map(Vec::from));
+        let plain = weights([[1.0, 2.0, 4.0]; 3]);
+        let hit = weights([[1.0, 2.0, 4.0], [1.0, 2000.0, 4.0], [1.0, 2.0, 4.0]]);
+        assert_eq!(plain, hit);
+        // Light that two techniques find is there.
+        let light = weights([[1.0, 2.0, 4.0], [1.0, 20.0, 4.0], [1.0, 20.0, 4.0]]);
+        assert!(light[1] < 0.1 * plain[1], "{light:?} {plain:?}");
+        assert_eq!(common_weights([vec![1.0, 3.0]].into_iter()), luminance_weights(&[1.0, 3.0]));
     }
-    mean.iter_mut().for_each(|sum| *sum /= count);
-    luminance_weights(&mean)
 }
