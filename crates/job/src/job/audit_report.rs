@@ -116,9 +116,7 @@ impl AuditReport {
         let is_different = beyond > threshold || mean_beyond > threshold;
         let regions = if is_different { difference.regions(RISK) } else { Vec::new() };
         let is_bright = difference.excess() > 0.0
-            && regions
-                .first()
-                .map_or(difference.mean.is_some_and(|own| own.ratio > 1.0), |own| own.ratio > 1.0);
+            && regions.first().map_or(difference.is_brighter(), |own| own.ratio > 1.0);
         let verdict = match is_different {
             false => Verdict::Agrees,
             true if is_bright && *expected_hits < MIN_HITS => Verdict::Unclear,

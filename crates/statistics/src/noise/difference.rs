@@ -33,6 +33,9 @@ const ROUNDING: f64 = 1e-4;
 /// that is significant.
 const REGION_SHARE: f64 = 0.6;
 
+/// Luminance of the other estimate, over that of the image, up to which it counts in weights.
+const MOST_OF_IMAGE: f64 = 4.0;
+
 /// Squares of pixels whose means are compared, in rows from the top left. Pixels beyond the last
 /// full cell are left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -191,18 +194,26 @@ impl Estimates<'_> {
         }
     }
 
-    /// Weights (70a) of the cells by the mean of both estimates, pooled over 5 by 5 cells.
+    /// Weights of the cells, and the mean of both estimates in each. The weights are (70a) by the
+    /// mean of both, pooled over 5 by 5 cells, where the other estimate counts at most as (98j):
+    /// a rare hit would make its own noise look small, but not the light that it balances.
     fn weights(&self) -> (Vec<f64>, Vec<f64>) {
         let halves = self.halves();
-        let mean = |cell: usize| {
-            let image = 0.5 * (halves[0][cell] + halves[1][cell]);
+        let values = |cell: usize| {
             let common = self.common.map_or(0.0, |own| own[cell]);
-            [0.5 * image + 0.25 * (self.audit[0][cell] + self.audit[1][cell]) + common]
+            let mean = |[one, other]: [&[f64]; 2]| 0.5 * (one[cell] + other[cell]) + common;
+            [mean(halves), mean(self.audit)]
         };
-        let both: Vec<_> = (0..self.cells.len()).map(mean).collect();
+        let both: Vec<_> = (0..self.cells.len()).map(values).collect();
+        let mean_audit = both.iter().map(|[_, audit]| audit).sum::<f64>() / both.len() as f64;
+        let weighted = |[image, audit]: [f64; 2]| {
+            let most = MOST_OF_IMAGE * image.max(0.0) + mean_audit;
+            (0.5 * (image + audit.min(most))).max(0.0)
+        };
         let pooled = box_filter(&both, self.cells.width, self.cells.height);
-        let pooled: Vec<f64> = pooled.into_iter().map(|[own]| own.max(0.0)).collect();
-        (luminance_weights(&pooled), both.into_iter().map(|[own]| own).collect())
+        let pooled: Vec<f64> = pooled.into_iter().map(weighted).collect();
+        let mean = |[image, audit]: [f64; 2]| 0.5 * (image + audit);
+        (luminance_weights(&pooled), both.into_iter().map(mean).collect())
     }
 
     /// Means over the tiles of `side` by `side` cells that are complete, in row order.
@@ -407,8 +418,22 @@ impl Difference {
     /// that score at least 2, W/(m^2 sr).
     #[inline]
     pub fn excess(&self) -> f64 {
+        self.difference_where(|score| score > 2.0)
+    }
+
+    /// Whether the image is brighter than the other estimate where they differ: in tiles that score
+    /// at least 2. In others, rare hits of the other estimate may balance it.
+    #[inline]
+    pub fn is_brighter(&self) -> bool {
+        let excess = self.excess();
+        excess > 0.0 && excess + self.difference_where(|score| score < -2.0) > 0.0
+    }
+
+    /// Mean over the image of the differences in tiles with these scores, W/(m^2 sr).
+    fn difference_where(&self, counts: impl Fn(f32) -> bool) -> f64 {
         let of = self.map.scores.iter().zip(&self.map.differences);
-        let sum: f64 = of.filter(|(score, _)| **score > 2.0).map(|(_, own)| f64::from(*own)).sum();
+        let sum: f64 =
+            of.filter(|(score, _)| counts(**score)).map(|(_, own)| f64::from(*own)).sum();
         sum / self.map.scores.len() as f64
     }
 

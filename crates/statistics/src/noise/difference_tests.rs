@@ -226,3 +226,34 @@ fn tiny_images_are_not_compared() {
     };
     assert_eq!(Difference::new(&estimates), None);
 }
+
+/// Half of the light is that of a lamp that hardly any path hits. Those that do balance the light
+/// that all others lack, and hide that it is lacking. Without hits the image is seen to be brighter.
+#[test]
+fn rare_hits_are_no_light_that_the_image_lacks() {
+    let prob = 0.0003;
+    let mut with_hits = 0;
+    for run in 0..RUNS {
+        let mut own = Example::new(run, NOISE, |_, _| 1.0);
+        let mut rng = StreamKey::new(run, Stream::Test, 8).rng(0);
+        let hit = |cell: usize| 0.5 / prob * luminance(cell);
+        let mut hits = 0;
+        for cell in 0..CELLS.len() {
+            for half in &mut own.audit {
+                half[cell] -= 0.5 * luminance(cell);
+                if f64::from(rng.next_1d()) < prob {
+                    half[cell] += hit(cell);
+                    own.variance[cell] += 0.5 * hit(cell).powi(2);
+                    hits += 1;
+                }
+            }
+        }
+        let difference = Difference::new(&own.halves()).unwrap();
+        let is_significant = difference.is_significant(0.01, 4);
+        assert!(!is_significant || difference.is_brighter(), "{run}: {hits} hits");
+        assert!(hits > 0 || is_significant);
+        with_hits += u32::from(hits > 1 && !is_significant);
+    }
+    // Most have more than one hit.
+    assert!(with_hits > 80, "{with_hits}");
+}
