@@ -17,10 +17,12 @@ pub const TILES: usize = (SIDE / TILE * (SIDE / TILE)) as usize;
 /// Strategy, scales of merges at both vertices, and the planned light paths over the actual ones.
 pub type Weighting = (Strategy, [f64; 2], f64);
 
+/// With unequal scales light paths split as well.
 pub fn weighted(settings: &Settings, (strategy, scales, planned): Weighting) -> Settings {
     let light_paths = (f64::from(settings.light_paths) * planned) as u32;
     let mis_scales = Some(MisScales { light_paths, scales });
-    Settings { strategy, merge_vertex: 2, mis_scales, ..settings.clone() }
+    let splitting = if scales[0] == scales[1] { 1 } else { 3 };
+    Settings { strategy, merge_vertex: 2, mis_scales, splitting, ..settings.clone() }
 }
 
 /// Mean of each tile in each iteration: `[tile][iteration]`.

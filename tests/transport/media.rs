@@ -245,6 +245,36 @@ fn all_strategies_make_the_image_of_the_path_tracer() {
     }
 }
 
+/// Much light of a bright room is scattered in its fog, and arrives at walls by way of other
+/// walls. It has one technique: merges at both vertices would count it twice.
+#[test]
+fn light_of_fog_is_counted_once() {
+    let mut meshes = cube(Vec3::ZERO, 1.0, true, 0);
+    meshes.push(square(Vec3::new(0.0, 0.0, 0.99), -Vec3::Z, 0.5, 1));
+    let eye = camera(Vec3::new(-0.9, -0.85, 0.4), Vec3::new(0.2, 0.2, -0.4), 75.0);
+    let materials = vec![gray(0.8, 0.0), gray(0.0, 4.0)];
+    let scene = &filled(scene(meshes, materials, vec![], eye), gray_medium(0.02, 0.4, 0.3));
+    let accel = &accel(scene);
+    let base = Settings {
+        light_paths: 40_000,
+        camera_paths: 4,
+        radius: 0.04,
+        caustic_radius: 0.04,
+        seed: 3,
+        ..settings(SIDE, SIDE)
+    };
+    let subject = |settings| Subject { scene, accel, settings, region: &[] };
+    let expected = subject(&base).traced(4096);
+    let ways = [(Strategy::Mis, Connect), (Strategy::CutMis, PhotonMap)]
+        .map(|(strategy, direct)| Settings { strategy, direct, merge_vertex: 2, ..base.clone() });
+    for settings in &ways {
+        let name = settings.strategy;
+        let Difference { off, error, .. } = subject(settings).extrapolated(8).against(&expected);
+        println!("{name:?}: {off:+.4} +- {error:.4}");
+        assert!(error < 0.02 && off.abs() < 4.0 * error + 5e-3, "{name:?}: {off} +- {error}");
+    }
+}
+
 /// Balls reach through thin walls, but photons behind them do not count.
 #[test]
 fn fog_does_not_shine_through_a_wall() {

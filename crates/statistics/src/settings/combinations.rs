@@ -144,16 +144,6 @@ pub const COMBINATIONS: &[Combination] = &[
         },
     ),
     refused(
-        ["--strategy mis|cut-mis|path-caustics|gather-caustics", "--splitting"],
-        "The weights do not know that light paths split.",
-        |asked| asked.weighs_merges() && asked.settings.splitting != 1,
-        |asked| {
-            let splitting = asked.settings.splitting;
-            let problem = format!("splitting by {splitting} with {}", asked.weighted_name());
-            Error::new(problem, "use the strategy `single`, or splitting by 1")
-        },
-    ),
-    refused(
         ["--light-paths", "--sobol-set"],
         "The light paths of an iteration are whole sets: their number is a multiple of the size of the sets.",
         |asked| check_whole_sets(asked.settings.light_paths, asked.settings.sobol_set).is_err(),
@@ -332,6 +322,17 @@ pub const COMBINATIONS: &[Combination] = &[
         },
     ),
     weakened(
+        ["--splitting", "--strategy path-caustics|gather-caustics"],
+        "It has no effect: light paths end at their first diffuse vertex.",
+        |asked| {
+            let has_caustics = matches!(
+                asked.settings.strategy,
+                Strategy::PathCaustics | Strategy::GatherCaustics
+            );
+            has_caustics && asked.given.splitting.is_some()
+        },
+    ),
+    weakened(
         ["--caustic-radius|--kernel|--guide|--sobol-set|--splitting", "--strategy gather"],
         "It has no effect: there are neither photons nor merges.",
         |asked| asked.given.strategy == Some(Strategy::Gather) && asked.gives_merges(),
@@ -361,10 +362,6 @@ impl fmt::Display for Combination {
 }
 
 impl Request<'_> {
-    fn weighs_merges(&self) -> bool {
-        self.settings.strategy.weighs_merges()
-    }
-
     /// The strategy in words, as errors name it.
     fn weighted_name(&self) -> String {
         format!("the strategy `{}`", self.settings.strategy.name())
@@ -454,7 +451,7 @@ mod tests {
         let plain = PartialSettings::default();
         let mut settings = Settings::resolve(&plain, &plain, 1.0).unwrap();
         settings.strategy = given.strategy.unwrap_or(settings.strategy);
-        settings.splitting = given.splitting.unwrap_or(settings.splitting);
+        settings.merge_vertex = given.merge_vertex.unwrap_or(settings.merge_vertex);
         settings.direct = given.direct.unwrap_or(settings.direct);
         (settings, given)
     }
@@ -463,11 +460,11 @@ mod tests {
     fn rows_apply_to_what_they_name_alone() {
         let (settings, given) = settings(|given| {
             given.strategy = Some(Strategy::Mis);
-            given.splitting = Some(4);
+            given.merge_vertex = Some(1);
         });
         let asked = Request { given, ..Request::of(&settings) };
         let error = check(&asked).unwrap_err().to_string();
-        assert!(error.contains("splitting by 4"), "{error}");
+        assert!(error.contains("the merge vertex is 1"), "{error}");
         assert_eq!(notes(&asked).count(), 0);
     }
 

@@ -50,6 +50,13 @@ impl Settings {
         self.direct == Direct::Connect || !may_merge
     }
 
+    /// Continuations of a light path from its first diffuse vertex, where it survives: `splitting`,
+    /// unless light paths end there.
+    #[inline]
+    pub fn continuations(&self) -> u32 {
+        if self.strategy.has_only_caustics() { 1 } else { self.splitting }
+    }
+
     /// Number of independent samples that some light paths are: their sets, or the halves that fill
     /// a cache. theory.md (40e): `M`.
     #[inline]

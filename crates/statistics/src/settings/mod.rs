@@ -157,7 +157,7 @@ impl Strategy {
         self.traits().is_weighted
     }
 
-    /// Tests whether merges have weights. They know no splitting.
+    /// Tests whether merges have weights.
     #[inline]
     pub const fn weighs_merges(self) -> bool {
         self.has_photons() && self.is_weighted()

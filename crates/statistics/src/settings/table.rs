@@ -380,8 +380,6 @@ mod tests {
             "sets of 524288 light paths",
         );
         refuse(PartialSettings { splitting: Some(0), ..none() }, "splitting by 0");
-        let (splitting, strategy) = (Some(2), Some(Strategy::Mis));
-        refuse(PartialSettings { splitting, strategy, ..none() }, "splitting by 2");
         let (light_paths, sobol_set) = (Some(100_000), Some(4096));
         let uneven = PartialSettings { light_paths, sobol_set, ..none() };
         refuse(uneven, "98304 or 102400");

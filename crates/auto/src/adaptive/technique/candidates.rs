@@ -108,8 +108,6 @@ impl Technique {
                 true => all.push(of(MediumQuery::Beams)),
             }
         }
-        // Weights do not know splitting.
-        all.retain(|own| own.splitting == 1 || !own.strategy.weighs_merges());
         all
     }
 }

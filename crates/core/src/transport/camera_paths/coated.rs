@@ -236,6 +236,7 @@ impl CameraPaths {
             let density = survivors(number, value.max_element(), wide.pdf_w[lane], cos);
             let rough_density = rough_density_of(rough.pdf_w[lane], cos);
             let merges = mis.balance.arrive(partial, back.wide[lane]);
+            let merges = mis.balance.before_last(merges);
             let rough_merges = mis.balance.caustic_merges(partial) * back.rough[lane];
             let weight = mis.balance.connection_weight(merges, l, density * hits);
             let rough_weight = mis.balance.connection_weight(rough_merges, l, rough_density * hits);

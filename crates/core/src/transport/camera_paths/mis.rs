@@ -72,7 +72,7 @@ impl LastVertex {
             if can_connect { hit.connection_pdf_w / (self.density * cos) } else { 0.0 };
         let merges_straight = self.is_diffuse && diffuse == 1 && !mis.connects;
         let merges = if self.is_diffuse && !merges_straight {
-            self.partial.earlier
+            mis.balance.before_last(self.partial.earlier)
         } else {
             mis.balance.caustic_merges(&self.partial)
         };
@@ -128,7 +128,8 @@ impl CameraPaths {
             let survival = mis.camera_survival(states.history[lane].diffuse() + 1);
             let density = survival.lambertian(at.albedo.get(lane).max_element());
             let hit = density * cos * light.inverse_pdf_w[lane];
-            let weight = mis.balance.connection_weight(earlier, l, hit);
+            let merges = mis.balance.before_last(earlier);
+            let weight = mis.balance.connection_weight(merges, l, hit);
             contributions.set(lane, contributions.get(lane) * weight);
         }
     }
@@ -199,7 +200,7 @@ impl CameraPaths {
         } else {
             let survival = mis.camera_survival(state.history.diffuse() + 1);
             let camera = survival.density_of(values, shading_cos);
-            let merges = mis.balance.arrive(partial, 1.0);
+            let merges = mis.balance.before_last(mis.balance.arrive(partial, 1.0));
             (camera, if merges > 0.0 { merges * directions.light_diffuse(surface) } else { 0.0 })
         };
         let cos = light.wi.dot(surface.normal).abs();

@@ -65,7 +65,7 @@ impl LightPaths {
         let photon_only = *photon_only;
         let (guide, areas) = (guide.as_deref(), areas.as_deref());
         let sets = StreamKey::new(settings.seed, Stream::LightPathSet, iteration);
-        let splitting = settings.splitting as f32;
+        let splitting = settings.continuations() as f32;
         let pass =
             LightPass { scene, accel, settings, guide, areas, key, sets, splitting, photon_only };
         let batches = batches.par_iter_mut().zip(0..count);

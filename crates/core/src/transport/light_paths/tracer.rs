@@ -155,20 +155,18 @@ impl Tracer {
                 let (ray, mut state) = states.get(lane);
                 let hit = hits.get(lane);
                 let surface = other_surface(scene, &ray, &hit, &mut at, lane, &mut state);
-                let gone_on = surface.and_then(|surface| {
-                    let vertex = surface.vertex(Transport::Flux);
-                    let mut role = LightRole { tracer: self, pass };
-                    step_at_surface(&mut role, scene, &surface, &vertex, state)
-                });
-                if let Some((ray, state)) = gone_on {
-                    self.next.push_state(&ray, &state);
+                if let Some(surface) = surface {
+                    self.scatter_other(pass, &surface, &state);
                 }
             }
             self.store_diffuse(simd, pass, &at, &states);
             let arrived = self.partials.is_active().then_some(states);
-            let goes_on = self.scatter_diffuse(simd, pass, &at, &mut states);
+            let left = self.scatter_diffuse(simd, pass, &at, &mut states);
             if let Some(arrived) = arrived {
-                self.partials.scatter_diffuse(scene.lights(), &at, &arrived, &goes_on);
+                self.partials.scatter_diffuse(scene.lights(), &at, &arrived, &left.goes_on);
+            }
+            if pass.splitting > 1.0 {
+                self.split(simd, pass, &at, &states, &left);
             }
         }
         self.hits = all_hits;
@@ -181,7 +179,8 @@ impl Tracer {
         let gone_on = match passed {
             Passed::Boundary(ray) => Some((ray, state)),
             Passed::Scattered(vertex) => {
-                step_in_medium(&mut LightRole { tracer: self, pass }, &vertex, state)
+                let mut role = LightRole { tracer: self, pass, is_more: false };
+                step_in_medium(&mut role, &vertex, state)
             }
         };
         if let Some((ray, state)) = gone_on {
@@ -226,7 +225,7 @@ impl Tracer {
                 arrival[lane] = Arrival(arrival[lane]).on_side(tag).0;
             }
         }
-        let path = states.path.map(|path| pass.sample_of(path));
+        let path = states.path.map(|path| pass.sample_of(self.partials.light_path(path)));
         let (position, flux) = (at.position, states.weight);
         let photons = PhotonPacket { position, path, flux, arrival };
         // Writes all sixteen and keeps those that are stored: a branch for each could not be
@@ -239,8 +238,7 @@ impl Tracer {
         self.photons.commit(count);
     }
 
-    /// Scatters at diffuse vertices, and returns the lanes whose paths survive. Without splitting
-    /// each has at most one continuation.
+    /// Scatters at diffuse vertices. Without splitting each path has at most one continuation.
     #[inline(always)] // vectorized
     fn scatter_diffuse(
         &mut self,
@@ -248,7 +246,7 @@ impl Tracer {
         pass: &LightPass,
         at: &DiffuseVertices,
         states: &mut PathStates,
-    ) -> Mask {
+    ) -> Left {
         states.origin = at.off_surface;
         states.direction = at.sample(&states.rng.next_pair());
         let ends = states.rng.next_1d();
@@ -264,10 +262,7 @@ impl Tracer {
             states.history[lane] = states.history[lane].scattered();
         }
         self.next.append(simd, &goes_on, states);
-        if pass.splitting > 1.0 {
-            self.split(simd, pass, at, states, (&ends, &expected));
-        }
-        goes_on
+        Left { goes_on, ends, expected }
     }
 
     /// Adds the continuations after the first. Their number is the expected one, rounded up or down
@@ -279,23 +274,47 @@ impl Tracer {
         pass: &LightPass,
         at: &DiffuseVertices,
         first: &PathStates,
-        (ends, expected): (&[f32; LANES], &[f32; LANES]),
+        Left { goes_on, ends, expected }: &Left,
     ) {
         let mut states = *first;
         for number in 1u32.. {
-            let mut goes_on = Mask::default();
-            for (lane, goes_on) in goes_on.iter_mut().enumerate() {
-                *goes_on = at.active[lane] & (number as f32 + ends[lane] < expected[lane]);
+            let mut more = Mask::default();
+            for (lane, more) in more.iter_mut().enumerate() {
+                *more = goes_on[lane] & (number as f32 + ends[lane] < expected[lane]);
             }
-            if !any(&goes_on) {
+            if !any(&more) {
                 return;
             }
-            for lane in 0..LANES {
-                let stream = u64::from(number) << 32 | u64::from(states.path[lane]);
-                states.rng.set(lane, pass.key.rng(stream));
+            for (lane, goes_on) in more.iter().enumerate() {
+                let path = first.path[lane];
+                states.rng.set(lane, pass.key.rng(continuation(number, path)));
+                if *goes_on {
+                    states.path[lane] = self.partials.split(path, self.partials.of(path));
+                }
             }
             states.direction = at.sample(&states.rng.next_pair());
-            self.next.append(simd, &goes_on, &states);
+            self.next.append(simd, &more, &states);
+        }
+    }
+
+    /// Continues a path at a surface that is not only diffuse, unless it ends. A path that scatters
+    /// diffusely for the first time splits.
+    fn scatter_other(&mut self, pass: &LightPass, surface: &Surface, state: &PathState) {
+        let at = surface.vertex(Transport::Flux);
+        let is_first = state.history.diffuse() == 0 && surface.bsdf.merges();
+        let count = if is_first { pass.splitting as u32 } else { 1 };
+        let arrived = self.partials.of(state.path).filter(|_| count > 1);
+        for number in 0..count {
+            let mut state = *state;
+            if number > 0 {
+                state.rng = pass.key.rng(continuation(number, state.path));
+                state.path = self.partials.split(state.path, arrived);
+            }
+            let mut role = LightRole { tracer: self, pass, is_more: number > 0 };
+            let gone_on = step_at_surface(&mut role, pass.scene, surface, &at, state);
+            if let Some((ray, state)) = gone_on {
+                self.next.push_state(&ray, &state);
+            }
         }
     }
 
@@ -315,7 +334,8 @@ impl Tracer {
         flux: Rgb,
         from: Option<Vec3>,
     ) -> Photon {
-        let (path, class) = (pass.sample_of(state.path), class_of(state.history));
+        let path = pass.sample_of(self.partials.light_path(state.path));
+        let class = class_of(state.history);
         let photon = Photon::new(position, path, flux, normal, class);
         let mut photon = from.map_or(photon, |from| photon.coming_from(from));
         if self.stores_wavelengths {
@@ -325,20 +345,38 @@ impl Tracer {
     }
 }
 
+/// Index of the random stream of a continuation of a light path, from 1 on.
+#[inline(always)] // part of vector loops
+fn continuation(number: u32, path: u32) -> u64 {
+    u64::from(number) << 32 | u64::from(path)
+}
+
+/// How paths leave diffuse vertices.
+struct Left {
+    /// They survive.
+    goes_on: Mask,
+    /// The random number of their roulette.
+    ends: [f32; LANES],
+    /// Expected number of continuations.
+    expected: [f32; LANES],
+}
+
 /// What sets light paths apart at vertices that are handled alone.
 struct LightRole<'a> {
     tracer: &'a mut Tracer,
     pass: &'a LightPass<'a>,
+    /// The path has left the vertex before.
+    is_more: bool,
 }
 
 impl Role for LightRole<'_> {
     const TRANSPORT: Transport = Transport::Flux;
 
     fn at_surface(&mut self, vertex: &PathVertex, rng: &mut Rng) -> Option<BsdfSample> {
-        let Self { tracer, pass } = self;
+        let Self { tracer, pass, is_more } = self;
         let PathVertex { surface, at, state } = *vertex;
         let Surface { position, normal, wo, .. } = *surface;
-        if surface.bsdf.merges() && tracer.stores(state.history) {
+        if surface.bsdf.merges() && !*is_more && tracer.stores(state.history) {
             tracer.partials.store(state);
             let TriangleSide { mesh, side } = surface.facet;
             let tag = pass.areas.map_or(0, |areas| areas.side_tag(mesh, side));
@@ -348,7 +386,8 @@ impl Role for LightRole<'_> {
         }
         let sample = surface.scatter_flux(at, rng)?;
         let is_left_out = pass.leaves_out(state.history) && sample.lobe != Lobe::Delta;
-        if is_left_out || tracer.only_caustics && !sample.lobe.passes_through() {
+        let passes = sample.lobe.passes_through();
+        if is_left_out || tracer.only_caustics && !passes || *is_more && passes {
             return None;
         }
         tracer.partials.scatter(pass.scene.lights(), surface, state, &sample);
@@ -356,7 +395,7 @@ impl Role for LightRole<'_> {
     }
 
     fn arrive_in_medium(&mut self, vertex: &MediumVertex, state: &mut PathState) -> bool {
-        let Self { tracer, pass } = self;
+        let Self { tracer, pass, .. } = self;
         if pass.leaves_out(state.history) {
             return false;
         }
@@ -369,7 +408,11 @@ impl Role for LightRole<'_> {
         true
     }
 
-    fn survives(&self, weight: Rgb, _lobe: Option<Lobe>, state: &mut PathState) -> bool {
+    fn survives(&self, weight: Rgb, lobe: Option<Lobe>, state: &mut PathState) -> bool {
+        // theory.md (39b): what passes through a surface does not split there.
+        if state.history.diffuse() == 1 && lobe.is_some_and(|lobe| !lobe.passes_through()) {
+            state.weight /= self.pass.splitting;
+        }
         survives(weight, state)
     }
 }

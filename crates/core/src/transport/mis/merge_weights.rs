@@ -34,7 +34,7 @@ impl<const VERTEX: usize> VertexWeights<VERTEX> {
     /// there.
     #[inline(always)] // part of the loop over queries, as the functions below
     pub fn new(mis: &Mis, point: &GatherPartials, has_caustics: bool) -> Self {
-        let earlier = mis.balance.inverse_scales().map(|scale| point.earlier * scale);
+        let earlier = mis.balance.earlier_factors().map(|factor| point.earlier * factor);
         let separate_classes = has_caustics && VERTEX == 2;
         Self { earlier, camera: point.camera, separate_classes }
     }
@@ -44,7 +44,7 @@ impl CutWeights {
     /// The weights at a gather point of these partials.
     #[inline(always)]
     pub fn new(mis: &Mis, point: &GatherPartials) -> Self {
-        Self(mis.balance.inverse_scales().map(|scale| (1.0 + point.earlier * scale).recip()))
+        Self(mis.balance.earlier_factors().map(|factor| (1.0 + point.earlier * factor).recip()))
     }
 
     /// The weight of diffuse photons.
@@ -116,8 +116,8 @@ impl Mis {
         class: PhotonClass,
         mis_partials: PhotonPartials,
     ) -> f32 {
-        let inverse_scale = self.balance.inverse_scales()[class as usize];
-        merge_weight(partials, inverse_scale, mis_partials[partial_index(point.vertex)])
+        let factor = self.balance.earlier_factors()[class as usize];
+        merge_weight(partials, factor, mis_partials[partial_index(point.vertex)])
     }
 
     /// Weight of a merge of `photon` at `point`. `earlier` is the sum of the camera path's partial
@@ -134,7 +134,7 @@ impl Mis {
         let earlier =
             if point.vertex == 1 { 0.0 } else { earlier * view.light_density(wi, point.normal) };
         let point_partials = self.balance.gather(point.vertex, earlier, camera);
-        let inverse_scale = self.balance.inverse_scales()[class as usize];
-        merge_weight(&point_partials, inverse_scale, mis_partials[partial_index(point.vertex)])
+        let factor = self.balance.earlier_factors()[class as usize];
+        merge_weight(&point_partials, factor, mis_partials[partial_index(point.vertex)])
     }
 }

@@ -23,14 +23,18 @@ pub struct LightPartials {
     mis: Option<Mis>,
     /// The first light path of the batch.
     first: u32,
-    /// One for each path, after its last vertex.
+    /// One for each path, after its last vertex, and then for each continuation of a path that
+    /// splits, whose states have numbers of their own.
     paths: Vec<PathPartial>,
     /// One for each photon, in the order of the photons.
     pub photons: Vec<PhotonPartials>,
 }
 
+/// A light path, or a continuation where it splits.
 #[derive(Clone, Copy, Debug, Default)]
-struct PathPartial {
+pub(in crate::transport) struct PathPartial {
+    /// Number of the light path.
+    path: u32,
     /// Number of the light source.
     emitter: u32,
     /// Where the path started. Segments start anew at boundaries of media.
@@ -82,8 +86,28 @@ impl LightPartials {
             let ray = [emissions.origin.get(lane), emissions.direction.get(lane)];
             let emission = lights.emission_density(emitter as usize, ray);
             let partial = mis.balance.start(emission.map_or(0.0, f32::recip));
-            *path = PathPartial { emitter, origin: ray[0], partial };
+            let number = self.first + (first + lane) as u32;
+            *path = PathPartial { path: number, emitter, origin: ray[0], partial };
         }
+    }
+
+    /// Number of the light path that a state of this number belongs to.
+    #[inline(always)] // part of the loop over vertices
+    pub fn light_path(&self, number: u32) -> u32 {
+        // Lanes without a path have any number.
+        self.paths.get(number.wrapping_sub(self.first) as usize).map_or(number, |own| own.path)
+    }
+
+    /// Partial of the path of this number; `None` without MIS.
+    pub(in crate::transport) fn of(&self, path: u32) -> Option<PathPartial> {
+        self.is_active().then(|| self.paths[(path - self.first) as usize])
+    }
+
+    /// Number of another continuation of the path of this number, with this partial.
+    pub(in crate::transport) fn split(&mut self, path: u32, partial: Option<PathPartial>) -> u32 {
+        let Some(partial) = partial else { return path };
+        self.paths.push(partial);
+        self.first + (self.paths.len() - 1) as u32
     }
 
     /// Adds the partials of the photons that are stored in these lanes.
@@ -141,6 +165,7 @@ impl LightPartials {
             };
             let merges = mis.merges(history);
             let light = Survival::LIGHT.lambertian(albedo);
+            let light = mis.balance.continuations(history.diffuse(), light);
             path.partial = mis.balance.scatter(&path.partial, techniques, merges, light);
         }
     }
@@ -183,6 +208,7 @@ impl LightPartials {
             };
             let at = surface.vertex(Transport::Flux);
             let light = Survival::LIGHT.density(&surface.bsdf, &at, sample.wi);
+            let light = mis.balance.continuations(state.history.diffuse(), light);
             (techniques, mis.merges(state.history), light)
         };
         path.partial = mis.balance.scatter(&path.partial, techniques, merges, light);

@@ -24,6 +24,9 @@ pub struct Balance {
     /// 1, or 0 if all photons are those of caustics: merges at earlier diffuse vertices than the
     /// last one then do not sample a path.
     of_diffuse: f32,
+    /// Continuations of light paths from their first diffuse vertex: factor of the density of
+    /// merges at all vertices of a camera path but the last. theory.md (47q)
+    splitting: f32,
 }
 
 /// MIS partial of a camera path after a vertex: densities of merges at earlier vertices, over the
@@ -74,7 +77,7 @@ pub struct StraightDensities {
 impl Balance {
     /// Connections and hits alone.
     pub const WITHOUT_MERGES: Self =
-        Self { eta: 0.0, scales: [0.0; 2], caustic: 1.0, of_diffuse: 1.0 };
+        Self { eta: 0.0, scales: [0.0; 2], caustic: 1.0, of_diffuse: 1.0, splitting: 1.0 };
 
     /// The constants of these settings.
     pub fn new(settings: &Settings) -> Self {
@@ -86,14 +89,15 @@ impl Balance {
         let eta = light_paths as f32 * disc_area(radius);
         let own = Self::with(eta, scales.map(|c| c as f32), caustic / radius);
         let of_diffuse = if settings.strategy.has_only_caustics() { 0.0 } else { 1.0 };
-        Self { of_diffuse, ..own }
+        Self { of_diffuse, splitting: settings.continuations() as f32, ..own }
     }
 
     /// The constants for scales at both vertices and this quotient of the caustic radius and the
     /// radius.
     fn with(eta: f32, scales: [f32; 2], caustic_radius: f32) -> Self {
         let caustic = (caustic_radius * caustic_radius).max(MIN_SCALE);
-        Self { eta, scales: scales.map(|c| c.max(MIN_SCALE)), caustic, of_diffuse: 1.0 }
+        let scales = scales.map(|c| c.max(MIN_SCALE));
+        Self { eta, scales, caustic, of_diffuse: 1.0, splitting: 1.0 }
     }
 
     /// Merges share paths with the other techniques.
@@ -124,6 +128,13 @@ impl Balance {
     #[inline(always)]
     pub fn start(&self, inverse_emission: f32) -> LightPartial {
         LightPartial { traced: inverse_emission / self.eta, merged: 0.0 }
+    }
+
+    /// Density in which a light path leaves the diffuse vertex of this number, the first being 0,
+    /// by all its continuations. theory.md (47q)
+    #[inline(always)]
+    pub fn continuations(&self, diffuse: u32, light: f32) -> f32 {
+        if diffuse == 0 { self.splitting * light } else { light }
     }
 
     /// Partial of a light path that scatters with the density `light` at a diffuse or rough vertex,
@@ -175,12 +186,20 @@ impl Balance {
         }
     }
 
-    /// Reciprocals of [`Self::of_class`].
+    /// Factors of the density of merges at the first vertex, beside a merge of a photon of either
+    /// class at the second one. That of a caustic would scatter there for the first time.
     #[inline(always)]
-    pub fn inverse_scales(&self) -> ByClass<f32> {
-        let mut inverse = [1.0; 2];
-        inverse[PhotonClass::Caustic as usize] = self.caustic.recip();
-        inverse
+    pub fn earlier_factors(&self) -> ByClass<f32> {
+        let mut factors = [1.0; 2];
+        factors[PhotonClass::Caustic as usize] = self.splitting / self.caustic;
+        factors
+    }
+
+    /// Density of merges at vertices before the last diffuse one, where light paths scatter for the
+    /// first time.
+    #[inline(always)]
+    pub fn before_last(&self, merges: f32) -> f32 {
+        self.splitting * merges
     }
 
     /// Density of merges at the vertices of a camera path before a light source that is `chain`
@@ -188,7 +207,7 @@ impl Balance {
     /// source are not merged at that vertex.
     #[inline(always)]
     pub fn caustic_merges(&self, partial: &CameraPartial) -> f32 {
-        partial.earlier + self.caustic * partial.last
+        self.before_last(partial.earlier) + self.caustic * partial.last
     }
 
     /// Weight of a connection. `merges` is the density of merges at all vertices of the path, `hit`
@@ -235,14 +254,14 @@ impl LightPartial {
     }
 }
 
-/// Weight of a merge. `inverse_scale` is the reciprocal of the scale of the photon's class.
+/// Weight of a merge. `factor` is that of [`Balance::earlier_factors`] for the photon's class.
 /// theory.md (47f)
 #[inline(always)]
-pub fn merge_weight(point: &GatherPartials, inverse_scale: f32, photon: f32) -> f32 {
+pub fn merge_weight(point: &GatherPartials, factor: f32, photon: f32) -> f32 {
     if photon.is_sign_negative() {
         return 0.0;
     }
-    (1.0 + point.earlier * inverse_scale + point.camera * photon).recip()
+    (1.0 + point.earlier * factor + point.camera * photon).recip()
 }
 
 #[cfg(test)]
@@ -318,7 +337,8 @@ mod tests {
             let camera: f64 = path.camera[..k - 1].iter().product();
             let light: f64 = path.light[k - 1..].iter().product();
             let arrives = path.emission * path.smooth[1] * path.rough[1];
-            let class = if k == m { balance.caustic } else { 1.0 };
+            // Light paths split at their first diffuse vertex, which is the last one here.
+            let class = if k == m { balance.caustic } else { balance.splitting };
             let scale = f64::from(balance.eta * balance.scales[k - 1] * class);
             camera * light * arrives * scale
         };
@@ -368,7 +388,8 @@ mod tests {
             if k > 1 {
                 let techniques = StraightDensities { connection: straight, camera: camera[k - 1] };
                 let merges = (k < m || last.chain).then_some(class);
-                arrived = balance.scatter(&arrived, techniques, merges, light[k - 2]);
+                let light = balance.continuations((m - k) as u32, light[k - 2]);
+                arrived = balance.scatter(&arrived, techniques, merges, light);
                 straight = 0.0;
             }
         }
@@ -381,8 +402,8 @@ mod tests {
                 && let Some((photon, class)) = photons[k - 1]
             {
                 let point = balance.gather(k as u32, earlier, camera[k - 1]);
-                let inverse = balance.inverse_scales()[class as usize];
-                merges[k - 1] = Some(f64::from(merge_weight(&point, inverse, photon[k - 1])))
+                let factor = balance.earlier_factors()[class as usize];
+                merges[k - 1] = Some(f64::from(merge_weight(&point, factor, photon[k - 1])))
                     .filter(|weight| *weight > 0.0);
             }
             partial = balance.leave(k as u32, earlier, camera[k - 1]);
@@ -399,8 +420,11 @@ mod tests {
             (connected, balance.caustic_merges(&partial.pass(rough[1] / rough[0])))
         } else {
             let at_first = m == 1 && !last.connects;
-            let merges = if at_first { balance.caustic_merges(&partial) } else { partial.earlier };
-            (own(earlier), merges)
+            let merges = match at_first {
+                true => balance.caustic_merges(&partial),
+                false => balance.before_last(partial.earlier),
+            };
+            (own(balance.before_last(earlier)), merges)
         };
         let hits_from = if last.chain { rough[0] } else { camera.last().copied().unwrap_or(1.0) };
         let connection = if path.is_connected(last) { connection / hits_from } else { 0.0 };
@@ -424,7 +448,8 @@ mod tests {
         for round in 0..3000 {
             let scales = [(); 2].map(|()| anything(&mut rng) as f32);
             let (eta, caustic) = (anything(&mut rng) as f32, anything(&mut rng) as f32);
-            let balance = Balance::with(eta, scales, caustic);
+            let splitting = 1.0 + (round % 3) as f32;
+            let balance = Balance { splitting, ..Balance::with(eta, scales, caustic) };
             for last in all_lasts() {
                 let (m, cut) = (round % 7, round % 2 == 0);
                 let path = Path::random(m, cut, last, &mut rng);
@@ -498,8 +523,8 @@ mod tests {
         let arrived = arrived.pass(smooth[1] / smooth[0]);
         let photon = balance.photon(&arrived, PhotonClass::Caustic)[partial_index(m)];
         let point = balance.gather(m, 0.0, *path.camera.last()? as f32);
-        let inverse = balance.inverse_scales()[PhotonClass::Caustic as usize];
-        last.chain.then(|| f64::from(merge_weight(&point, inverse, photon)))
+        let factor = balance.earlier_factors()[PhotonClass::Caustic as usize];
+        last.chain.then(|| f64::from(merge_weight(&point, factor, photon)))
     }
 
     #[test]
