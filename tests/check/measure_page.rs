@@ -36,6 +36,7 @@ edges = [[0, 0, -2], [0, 2, 0]]
 normal = [1, 0, 0]
 columns = 24
 rows = 16
+required_minimum = 200
 [[meter]]
 name = "eyes"
 corner = [1, 1.2, 1.5]

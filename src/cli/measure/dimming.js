@@ -296,13 +296,13 @@
   function show() {
     const now = lights.map(light => light.factor);
     for (const set of sets) {
-      const result = measured(set, now), [mean, ...others] = set.tableRows;
+      const result = measured(set, now), [mean, ...rest] = set.tableRows;
       writeReading(mean, result.mean, set.unit);
       lights.forEach((_, light) => {
         const alone = now.map((factor, other) => other === light ? factor : 0);
-        writeReading(others[light], mixed(group => set.groups[group].mean, alone), set.unit);
+        writeReading(rest[light], mixed(group => set.groups[group].mean, alone), set.unit);
       });
-      const [least, most, uniformity, diversity] = others.slice(lights.length);
+      const [least, most, uniformity, diversity] = rest.slice(lights.length);
       if (least) {
         writeExtreme(least, result.least, set.unit);
         writeExtreme(most, result.most, set.unit);
@@ -314,10 +314,10 @@
       set.lines.forEach(svg => drawLines(svg, result.readings.map(reading => reading.value), set));
       set.cells.forEach((cell, point) => writePoint(cell, result.readings[point]));
     }
-    const dimmed = lights.filter(light => light.factor !== 1)
-      .map(light => `${light.name} × ${+light.factor.toPrecision(6)}`);
-    find('state').textContent = !dimmed.length ? 'All lights at full strength.'
-      : `Dimmed: ${dimmed.join(', ')}.${dimmed.length < lights.length ? ' The others are at full strength.' : ''}`;
+    const others = lights.filter(light => light.factor !== 1)
+      .map(light => `${light.name}\u00a0${+light.factor.toPrecision(6)}`);
+    find('state').textContent = !others.length ? 'All lights at full strength.'
+      : `Strengths: ${others.join(', ')}.${others.length < lights.length ? ' Others are at full strength.' : ''}`;
   }
 
   const set = (light, factor) => { light.slider.value = light.field.value = light.factor = factor; };

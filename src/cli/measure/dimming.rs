@@ -54,11 +54,14 @@ fn controls(measurement: &Measurement) -> Markup {
             noscript {
                 p { "The sliders need JavaScript." }
             }
-            p #state { "All lights at full strength." }
             div .lights {
                 @for (index, (name, ..)) in names.enumerate() { (slider(index, name)) }
             }
-            button #reset type="button" { "Full strength" }
+            // Below the sliders, which a longer text does not move under a finger.
+            div .strengths {
+                p #state { "All lights at full strength." }
+                button #reset type="button" { "Full strength" }
+            }
         }
     }
 }
