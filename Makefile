@@ -105,12 +105,14 @@ memcheck: setup
 check-package: setup
 	scripts/check-package.sh
 
-# The pages of a short experiment of the paper and of a render, in a browser at the widths of phones and desktops.
+# The pages of a short experiment of the paper, of a render, of mixtures and of a measurement, in a browser at the
+# widths of phones and desktops.
 check-report: setup
 	$(CARGO) test $(FLAGS) $(ALL) --test check -- report:: page::
 	scripts/check-report.sh out/report-quick
 	scripts/check-page.sh out/page
 	scripts/check-mix.sh out/mix
+	scripts/check-measure.sh out/measure
 
 # All checks that are in no other of `.ci/run`, one after the other: some hours on 2 cores.
 nightly: setup

@@ -1,7 +1,6 @@
-//! Tests that are too long for `make test`: statistical tables, the paper's experiment, and a page
-//! of a render. `make check` runs the tables, `make check-long` the longest ones,
-//! `make check-report` the others. The suite has a case or two of each table in a module of the
-//! same name.
+//! Tests that are too long for `make test`: statistical tables, the paper's experiment, and pages.
+//! `make check` runs the tables, `make check-long` the longest ones, `make check-report` the
+//! others. The suite has a case or two of each table in a module of the same name.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -18,6 +17,7 @@ mod light_groups;
 mod materials_furnace;
 mod materials_light;
 mod measure_glass;
+mod measure_page;
 mod media_merges;
 mod mis;
 mod mix_page;

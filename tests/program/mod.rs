@@ -15,6 +15,7 @@ mod limits;
 mod measure;
 mod measure_dark;
 mod measure_glass;
+mod measure_page;
 mod merge;
 mod mix_page;
 mod noise;

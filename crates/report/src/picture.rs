@@ -14,10 +14,10 @@ const STOPS: u32 = 24;
 
 /// Share of the values that a scale covers. A few very large values would otherwise determine the
 /// scale.
-const COVERED: f64 = 0.97;
+pub const COVERED: f64 = 0.97;
 
 /// Maximum number of steps of a scale, so that their numbers have room on a phone.
-const MAX_STEPS: f64 = 5.0;
+pub const MAX_STEPS: f64 = 5.0;
 
 /// A picture with its scale.
 pub struct Picture {
@@ -48,6 +48,23 @@ pub enum Colors {
     Sequential,
     /// Symmetric about 0.
     Diverging,
+}
+
+impl Colors {
+    /// Color of a place on the scale, from 0 to 1, sRGB.
+    fn at(self, share: f64) -> [u8; 3] {
+        let share = share.clamp(0.0, 1.0) as f32;
+        let [r, g, b, _] = match self {
+            Self::Sequential => colorgrad::preset::viridis().at(share).to_rgba8(),
+            Self::Diverging => colorgrad::preset::pu_or().at(share).to_rgba8(),
+        };
+        [r, g, b]
+    }
+
+    /// Colors of 256 even steps along the scale.
+    pub fn table(self) -> Vec<[u8; 3]> {
+        (0..=255).map(|step| self.at(f64::from(step) / 255.0)).collect()
+    }
 }
 
 impl Picture {
@@ -100,16 +117,8 @@ impl Picture {
             Colors::Sequential => 0.0,
             Colors::Diverging => -max,
         };
-        let color = |share: f64| {
-            let share = share.clamp(0.0, 1.0) as f32;
-            let [r, g, b, _] = match colors {
-                Colors::Sequential => colorgrad::preset::viridis().at(share).to_rgba8(),
-                Colors::Diverging => colorgrad::preset::pu_or().at(share).to_rgba8(),
-            };
-            [r, g, b]
-        };
         // Looked up: a gradient is slow for every pixel.
-        let table: Vec<[u8; 3]> = (0..=255).map(|i| color(f64::from(i) / 255.0)).collect();
+        let table = colors.table();
         let index = |value: f64| (255.0 * ((value - min) / (max - min))).round() as usize;
         let bytes: Vec<u8> =
             values.iter().flat_map(|&value| table[index(value).min(255)]).collect();
@@ -121,7 +130,7 @@ impl Picture {
             width,
             height,
             png: encode_png(width, height, &bytes),
-            scale: Scale::Bar { colors: stops(color), ticks, unit },
+            scale: Scale::Bar { colors: stops(|share| colors.at(share)), ticks, unit },
             above: values.iter().filter(|value| value.abs() > max).count(),
         }
     }

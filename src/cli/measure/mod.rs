@@ -2,6 +2,7 @@
 
 mod csv;
 mod digits;
+mod dimming;
 mod maps;
 mod evidence;
 mod page;

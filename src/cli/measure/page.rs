@@ -1,6 +1,7 @@
 //! A measurement as an HTML page without external resources.
 
 use super::digits::{digits, digits_of, uncertainty};
+use super::dimming::{self, full_strength};
 use super::evidence::evidence;
 use super::record::Record;
 use bdpm::Measurement;
@@ -51,17 +52,27 @@ fn page(scene: &str, measurement: &Measurement, record: &Record) -> Markup {
                 "The noise is one standard deviation. The bias is a bound."
             }
             @for warning in &measurement.warnings { p { strong { "Note: " } (warning) "." } }
-            (requirements(measurement))
-            (readings(measurement))
-            @for set in measurement.sets.iter().filter(|set| set.readings.len() > 1) {
-                (maps(set))
-                (points(set))
-            }
+            (dimming::with_sliders(measurement, &results(measurement)))
             (evidence(measurement, record))
             p .signature { "Name, place and date: " span {} }
         }
+        (dimming::script(measurement))
     };
-    document(&format!("Light in {scene}"), STYLE, &html! {}, &body)
+    let sliders = if dimming::has_sliders(measurement) { dimming::STYLE } else { "" };
+    document(&format!("Light in {scene}"), &format!("{STYLE}{sliders}"), &html! {}, &body)
+}
+
+/// Requirements, readings, maps and points. The script of pages with sliders writes their numbers
+/// again: it counts on the order of tables, rows, cells and figures.
+fn results(measurement: &Measurement) -> Markup {
+    html! {
+        (requirements(measurement))
+        (readings(measurement))
+        @for set in measurement.sets.iter().filter(|set| set.readings.len() > 1) {
+            (maps(set))
+            (points(set))
+        }
+    }
 }
 
 /// One row per requirement; nothing if there is none.
@@ -87,7 +98,10 @@ fn requirement(set: &SetReadings, own: &Judged) -> Markup {
     html! {
         tr {
             td .text { (set.name) }
-            td .text { (what) @if let Some(factor) = factor { ", factor " (factor) } }
+            td .text {
+                (what) @if let Some(factor) = factor { ", factor " (factor) }
+                (full_strength(set, *limit))
+            }
             td { (limit.describe()) " " (required) " " (unit) }
             td { (uncertainty(found.value, digits)) " " (unit) }
             td { (half_width(found.expanded, digits)) }
@@ -244,6 +258,11 @@ fn lines(set: &SetReadings) -> Markup {
     }
 }
 
+/// Returns true if the set is a grid whose points fit on paper.
+pub fn has_table_of_points(set: &SetReadings) -> bool {
+    (2..=MOST_POINTS).contains(&set.readings.len()) && set.grid[0] as usize <= MOST_COLUMNS
+}
+
 /// The readings of all points of a grid with their uncertainties, as they lie in the map.
 fn points(set: &SetReadings) -> Markup {
     let columns = set.grid[0] as usize;
@@ -264,7 +283,7 @@ fn points(set: &SetReadings) -> Markup {
     };
     let caption = html! { "All points of " (set.name) ", " (set.unit()) ", " (place(set)) };
     html! {
-        @if columns <= MOST_COLUMNS && set.readings.len() <= MOST_POINTS {
+        @if has_table_of_points(set) {
             (table("points", &caption, &rows))
         } @else {
             p { "The grid has more points than fit here: " code { "--csv" } " lists them." }

@@ -63,8 +63,7 @@ pub(super) fn extremes(readings: &[Reading]) -> [Estimated; 2] {
         let share = if variance > 0.0 { own / variance } else { 1.0 };
         mean + share * (reading.value - mean)
     };
-    // All intervals of this width hold with a probability of 95 % at once.
-    let factor = upper_quantile(TAIL / count) / NORMAL_95;
+    let factor = factor_of_all(readings.len());
     let width = |reading: &Reading| factor * (reading.expanded - reading.bias) + reading.bias;
     // `sign` is -1 for the maximum.
     let extreme = |sign: f64| {
@@ -77,6 +76,12 @@ pub(super) fn extremes(readings: &[Reading]) -> [Estimated; 2] {
         Estimated { value: sign * value, expanded: (high - value).max(value - low) }
     };
     [extreme(1.0), extreme(-1.0)]
+}
+
+/// Factor on the width of the interval of each of so many meters, such that all of them hold with a
+/// probability of 95 % at once.
+pub(super) fn factor_of_all(meters: usize) -> f64 {
+    upper_quantile(TAIL / meters as f64) / NORMAL_95
 }
 
 /// Quantile of the normal distribution that is exceeded with this probability, at most 1/2:

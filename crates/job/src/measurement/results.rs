@@ -1,7 +1,7 @@
 //! Readings of all meters of a measurement.
 
 use super::darkness::{are_certainly_dark, are_dark};
-use super::extremes::{Estimated, extremes};
+use super::extremes::{Estimated, extremes, factor_of_all};
 use super::polarization::note as polarization_note;
 use super::reading::{Reading, quantity, unit};
 use super::render_meters::{JobReadings, OfSet, technique};
@@ -124,6 +124,8 @@ pub struct SetReadings {
     /// Names of groups of lights with the readings of all meters and their mean, if lights were
     /// measured apart.
     pub groups: Vec<(String, Vec<Reading>, Reading)>,
+    /// Number of meters whose intervals are open above, under each of the groups.
+    pub open_of_groups: Vec<usize>,
 }
 
 impl SetReadings {
@@ -132,7 +134,7 @@ impl SetReadings {
         let (readings, mean) = (vec![reading], reading);
         let (name, places) = (name.to_owned(), vec![MeterPlace::default()]);
         let (is_daylight_factor, requirement) = (false, Requirement::default());
-        let (grid, open, groups) = ([1, 1], 0, Vec::new());
+        let (grid, open, groups, open_of_groups) = ([1, 1], 0, Vec::new(), Vec::new());
         Self {
             name,
             kind,
@@ -145,6 +147,7 @@ impl SetReadings {
             open,
             mean,
             groups,
+            open_of_groups,
         }
     }
 
@@ -161,6 +164,12 @@ impl SetReadings {
     /// Minimum and maximum of the true values; unknown if one reading is.
     pub fn extremes(&self) -> [Estimated; 2] {
         extremes(&self.readings)
+    }
+
+    /// Factor on the widths of the intervals of the meters, with which all of them hold with a
+    /// probability of 95 % at once. theory.md (5d)
+    pub fn factor_of_all(&self) -> f64 {
+        factor_of_all(self.readings.len())
     }
 
     /// Uniformity `U_0`: the minimum over the mean.
@@ -185,6 +194,7 @@ impl SetReadings {
     pub(super) fn finish(&mut self, outdoors: Option<f64>, by_light: bool) {
         if !by_light {
             self.groups.clear();
+            self.open_of_groups.clear();
         }
         let Some(outdoors) = outdoors else { return };
         let share = |own: &Reading| own.times(100.0 / outdoors);
@@ -209,6 +219,7 @@ impl SetReadings {
             (self.readings, self.mean) = (sums, self.mean.plus(&mean));
         }
         self.groups.push((name.into(), readings, mean));
+        self.open_of_groups.push(open);
     }
 }
 
@@ -229,6 +240,7 @@ pub(super) fn empty_readings(set: &MeterSet, scene: &Scene) -> SetReadings {
         open: 0,
         mean: Reading::default(),
         groups: Vec::new(),
+        open_of_groups: Vec::new(),
     }
 }
 
