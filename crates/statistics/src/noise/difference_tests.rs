@@ -227,8 +227,8 @@ fn tiny_images_are_not_compared() {
     assert_eq!(Difference::new(&estimates), None);
 }
 
-/// Half of the light is that of a lamp that hardly any path hits. Those that do balance the light
-/// that all others lack, and hide that it is lacking. Without hits the image is seen to be brighter.
+/// Half of the light is that of a lamp that hardly any path hits. Hits balance the light that other
+/// paths lack, so that no difference is known. Without hits the image is known to be brighter.
 #[test]
 fn rare_hits_are_no_light_that_the_image_lacks() {
     let prob = 0.0003;

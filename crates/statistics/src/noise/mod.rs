@@ -13,6 +13,7 @@
 //! None of the coefficients depends on the two counts.
 
 pub mod merge_bias;
+mod tile_map;
 pub mod difference;
 pub mod file;
 pub mod film;
