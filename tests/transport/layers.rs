@@ -137,17 +137,23 @@ fn ways() -> Vec<Settings> {
     ]
 }
 
-/// A box with a mirror on the floor, so that there are caustics.
+/// A box with a mirror on the floor, so that there are caustics. Each wall has its color: sums of
+/// equal photons would not depend on their order.
 fn mirrored_box() -> Arc<Scene> {
     let mut meshes = Vec::new();
-    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
-        meshes.push(square(axis, -axis, 1.0, 0));
-        meshes.push(square(-axis, axis, 1.0, 0));
+    for (number, axis) in (0..).zip([Vec3::X, Vec3::Y, Vec3::Z]) {
+        meshes.push(square(axis, -axis, 1.0, 2 * number));
+        meshes.push(square(-axis, axis, 1.0, 2 * number + 1));
     }
-    meshes.push(square(Vec3::new(0.0, 0.0, -0.8), Vec3::new(0.2, 0.1, 1.0), 0.4, 1));
-    meshes.push(square(Vec3::new(0.0, 0.0, 0.95), -Vec3::Z, 0.2, 2));
+    meshes.push(square(Vec3::new(0.0, 0.0, -0.8), Vec3::new(0.2, 0.1, 1.0), 0.4, 6));
+    meshes.push(square(Vec3::new(0.0, 0.0, 0.95), -Vec3::Z, 0.2, 7));
     let mirror = Material::new("mirror", Bsdf::Mirror { reflectance: Vec3::splat(0.9) });
-    let materials = vec![gray(0.5, 0.0), mirror, gray(0.0, 4.0)];
+    let wall = |number: u8| {
+        let share = f32::from(number);
+        colored(Vec3::new(0.3 + 0.07 * share, 0.71 - 0.05 * share, 0.37 + 0.03 * share))
+    };
+    let mut materials: Vec<Material> = (0..6).map(wall).collect();
+    materials.extend([mirror, gray(0.0, 4.0)]);
     let camera = camera(Vec3::new(-0.9, -0.85, 0.2), Vec3::new(0.1, 0.1, 0.25), 80.0);
     scene(meshes, materials, vec![point_light(Vec3::new(-0.5, 0.4, 0.3), 0.3)], camera)
 }

@@ -1,5 +1,5 @@
 //! The step of a path at a vertex that is handled alone. Camera paths, light paths and the light
-//! paths of measurements have it in common; a [`Role`] says what sets a kind of path apart.
+//! paths of measurements have it in common; a [`Role`] has the differences between them.
 
 use super::free_flight::{MediumVertex, Passed, travel};
 use super::path_state::{PathState, disperse};
@@ -27,16 +27,16 @@ pub struct PathVertex<'a> {
     pub state: &'a PathState,
 }
 
-/// What sets one kind of path apart at its vertices.
+/// The differences between kinds of paths at their vertices.
 pub trait Role {
-    /// What the paths carry.
+    /// The quantity that BSDFs are sampled for.
     const TRANSPORT: Transport;
 
     /// Handles the arrival of a path at a surface, and samples how it leaves; `None` if it ends.
     fn at_surface(&mut self, vertex: &PathVertex, rng: &mut Rng) -> Option<BsdfSample>;
 
-    /// Handles the arrival of a path where a medium scatters it: of its state, random numbers alone
-    /// change. Returns false if it ends.
+    /// Handles the arrival of a path where a medium scatters it, and returns false if it ends there.
+    /// May draw random numbers, and changes nothing else of the state.
     fn arrive_in_medium(&mut self, vertex: &MediumVertex, state: &mut PathState) -> bool;
 
     /// Handles a path that a medium scatters in the direction `next`.

@@ -40,6 +40,9 @@ const SMALLEST_SCALE: f32 = 0.5;
 /// Largest size of a scene, over the width that its image shows, that decides about radii.
 const SEEN_WIDTHS: f64 = 4.0;
 
+/// Luminance of a technique, over that of the next brightest, up to which it counts in weights.
+const MOST_OF_SECOND: f64 = 4.0;
+
 /// Share of the pilot's time for learning where light paths start.
 const LEARNING_SHARE: f64 = 0.15;
 
@@ -179,10 +182,7 @@ impl Pilot<'_> {
     fn refute(&mut self) {
         let Some(path) = self.tried.iter().find(|own| !own.technique.merges()) else { return };
         let merging = self.tried.iter().filter(|own| own.technique.merges());
-        let luminances = |own: &Tried| {
-            own.trials[0].noise.pixels.iter().map(|pixel| pixel.luminance).collect::<Vec<_>>()
-        };
-        let weights = &common_weights(merging.map(luminances));
+        let weights = &common_weights(merging.map(Tried::luminances));
         let brightest = self.runner.brightest();
         let is_refuted = |own: &&Tried| {
             let trial = &own.trials[0];
@@ -196,10 +196,7 @@ impl Pilot<'_> {
     }
 
     fn weights(&self) -> Vec<f64> {
-        let trials = self.tried.iter().filter(|own| !own.is_reserve).flat_map(|own| &own.trials);
-        common_weights(
-            trials.map(|trial| trial.noise.pixels.iter().map(|own| own.luminance).collect()),
-        )
+        common_weights(self.tried.iter().filter(|own| !own.is_reserve).map(Tried::luminances))
     }
 
     /// Runs a trial, and lets it know the light that all trials so far found at least.
@@ -317,6 +314,15 @@ impl Pilot<'_> {
 }
 
 impl Tried {
+    /// Luminance of each pixel, mean of its trials.
+    fn luminances(&self) -> Vec<f64> {
+        let of = |pixel: usize| {
+            let trials = self.trials.iter().map(|trial| trial.noise.pixels[pixel].luminance);
+            trials.sum::<f64>() / self.trials.len() as f64
+        };
+        (0..self.trials[0].noise.pixels.len()).map(of).collect()
+    }
+
     /// Whether direct light comes from a photon map that few pixels see.
     fn is_thin(&self, weights: &[f64]) -> bool {
         let found = self.trials.iter().map(|trial| trial.lit_pixels(weights));
@@ -334,27 +340,27 @@ impl Tried {
 }
 
 /// Weights of the pixels' squared errors by the mean of several luminances of them, so that all
-/// techniques have the same weights. The largest luminance of a pixel counts as the second largest.
-/// Else the rare hits of a technique that finds a lamp by chance would make its own noise there
-/// look small, and the differences to the others count for less than those everywhere else, which
-/// they balance.
+/// techniques have the same weights. The largest luminance of a pixel counts at most as
+/// [`MOST_OF_SECOND`] times the second largest and the mean of these. Else a technique that hits a
+/// lamp once would make its own noise there look small, but not the light that the hit balances:
+/// theory.md (98j).
 pub fn common_weights(luminances: impl Iterator<Item = Vec<f64>>) -> Vec<f64> {
     let all: Vec<Vec<f64>> = luminances.collect();
     let pixels = all.first().map_or(0, Vec::len);
-    let mean = |pixel: usize| {
-        let (mut sum, mut largest) = (0.0, [f64::NEG_INFINITY; 2]);
-        for own in all.iter().map(|own| own[pixel]) {
-            sum += own;
-            largest = if own > largest[0] {
-                [own, largest[0]]
-            } else {
-                [largest[0], own.max(largest[1])]
-            };
-        }
-        let above = if all.len() > 1 { largest[0] - largest[1] } else { 0.0 };
+    let largest = |pixel: usize| {
+        all.iter().fold([f64::NEG_INFINITY; 2], |[first, second], own| {
+            [first.max(own[pixel]), second.max(own[pixel].min(first))]
+        })
+    };
+    let largest: Vec<[f64; 2]> = (0..pixels).map(largest).collect();
+    let mean_second = largest.iter().map(|[_, second]| second).sum::<f64>() / pixels as f64;
+    let mean = |(pixel, [first, second]): (usize, &[f64; 2])| {
+        let sum: f64 = all.iter().map(|own| own[pixel]).sum();
+        let most = MOST_OF_SECOND * second.max(0.0) + mean_second;
+        let above = if all.len() > 1 { (first - most).max(0.0) } else { 0.0 };
         (sum - above) / all.len() as f64
     };
-    luminance_weights(&(0..pixels).map(mean).collect::<Vec<_>>())
+    luminance_weights(&largest.iter().enumerate().map(mean).collect::<Vec<_>>())
 }
 
 #[cfg(test)]
@@ -362,14 +368,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hit_of_a_single_technique_changes_no_weight() {
+    fn a_hit_of_a_single_technique_hardly_changes_its_weight() {
         let weights = |own: [[f64; 3]; 3]| common_weights(own.into_iter().map(Vec::from));
-        let plain = weights([[1.0, 2.0, 4.0]; 3]);
-        let hit = weights([[1.0, 2.0, 4.0], [1.0, 2000.0, 4.0], [1.0, 2.0, 4.0]]);
-        assert_eq!(plain, hit);
+        let plain = weights([[1.0, 2.0, 3.0]; 3]);
+        let hit = weights([[1.0, 2.0, 3.0], [1.0, 2e4, 3.0], [1.0, 2.0, 3.0]]);
+        // At most 4 times the others and the mean of 2: a third of 14 in place of 2.
+        assert!(hit[1] > 0.17 * plain[1], "{hit:?} {plain:?}");
         // Light that two techniques find is there.
-        let light = weights([[1.0, 2.0, 4.0], [1.0, 20.0, 4.0], [1.0, 20.0, 4.0]]);
-        assert!(light[1] < 0.1 * plain[1], "{light:?} {plain:?}");
+        let light = weights([[1.0, 2.0, 3.0], [1.0, 200.0, 3.0], [1.0, 200.0, 3.0]]);
+        assert!(light[1] < 1e-3 * plain[1], "{light:?} {plain:?}");
         assert_eq!(common_weights([vec![1.0, 3.0]].into_iter()), luminance_weights(&[1.0, 3.0]));
     }
 }

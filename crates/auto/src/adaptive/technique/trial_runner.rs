@@ -198,7 +198,7 @@ impl<'a> TrialRunner<'a> {
         // As many photons as without splitting, so that trials of all techniques have similar
         // numbers of iterations.
         let least = if settings.has_cache() { LEAST_SUFFIX_PATHS } else { LEAST_LIGHT_PATHS };
-        let light_paths = (self.light_paths / settings.splitting).max(least);
+        let light_paths = (self.light_paths / settings.continuations()).max(least);
         // Trials have too few light paths for sets of them.
         let mut of_trial = Settings {
             light_paths,

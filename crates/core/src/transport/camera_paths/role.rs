@@ -1,4 +1,4 @@
-//! What sets camera paths apart at vertices that are handled alone.
+//! Camera paths at vertices that are handled alone: the differences to other paths.
 
 use super::mis::LastVertex;
 use super::non_diffuse::ScalarVertex;

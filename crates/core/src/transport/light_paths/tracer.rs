@@ -287,7 +287,8 @@ impl Tracer {
             }
             for (lane, goes_on) in more.iter().enumerate() {
                 let path = first.path[lane];
-                states.rng.set(lane, pass.key.rng(continuation(number, path)));
+                let stream = continuation(number, path, first.history[lane]);
+                states.rng.set(lane, pass.key.rng(stream));
                 if *goes_on {
                     states.path[lane] = self.partials.split(path, self.partials.of(path));
                 }
@@ -307,7 +308,7 @@ impl Tracer {
         for number in 0..count {
             let mut state = *state;
             if number > 0 {
-                state.rng = pass.key.rng(continuation(number, state.path));
+                state.rng = pass.key.rng(continuation(number, state.path, state.history));
                 state.path = self.partials.split(state.path, arrived);
             }
             let mut role = LightRole { tracer: self, pass, is_more: number > 0 };
@@ -345,10 +346,11 @@ impl Tracer {
     }
 }
 
-/// Index of the random stream of a continuation of a light path, from 1 on.
+/// Index of the random stream of a continuation of a light path of this history. Numbers are from 1
+/// to 63. Where the path itself passes through a vertex, it splits again at the next.
 #[inline(always)] // part of vector loops
-fn continuation(number: u32, path: u32) -> u64 {
-    u64::from(number) << 32 | u64::from(path)
+fn continuation(number: u32, path: u32, history: History) -> u64 {
+    u64::from(history.passed()) << 40 | u64::from(number) << 32 | u64::from(path)
 }
 
 /// How paths leave diffuse vertices.
@@ -361,7 +363,7 @@ struct Left {
     expected: [f32; LANES],
 }
 
-/// What sets light paths apart at vertices that are handled alone.
+/// Light paths at vertices that are handled alone: the differences to other paths.
 struct LightRole<'a> {
     tracer: &'a mut Tracer,
     pass: &'a LightPass<'a>,

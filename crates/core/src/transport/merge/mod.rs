@@ -158,8 +158,8 @@ impl<'a> Merge<'a> {
         let has_caustics = map.has_caustic_photons();
         let kernel = if has_caustics { kernel } else { kernel.without_caustics() };
         let mut admission = kernel.admission();
-        let records_classes = options.records_annulus || options.records_caustics;
-        admission.separate_classes = records_classes && has_caustics;
+        // Whatever is recorded, so that layers do not change the order of sums.
+        admission.separate_classes = has_caustics;
         let (by_zone, max_pairs) = (map.is_large(), MAX_PAIRS);
         Self { map, merge_vertex, kernel, admission, medium: None, options, by_zone, max_pairs }
     }
