@@ -67,31 +67,23 @@ impl Horizon {
 impl Emitter {
     /// Light that may arrive straight at the position of a plane, on the side of its normal.
     pub fn straight_light(&self, at: &Horizon) -> StraightLight {
-        let of_surface = |shows: bool| match shows {
-            true => StraightLight::OfSurface,
-            false => StraightLight::None,
-        };
-        match self {
-            Self::Triangle { shape, .. } => of_surface(at.may_show_front(shape)),
-            Self::Textured(panel) => of_surface(at.may_show_front(&panel.shape)),
-            Self::Opening(lamp) => {
-                of_surface(lamp.triangles().iter().any(|shape| at.may_show_front(shape)))
+        let surfaces = self.triangles();
+        if !surfaces.is_empty() {
+            return match surfaces.iter().any(|shape| at.may_show_front(shape)) {
+                true => StraightLight::OfSurface,
+                false => StraightLight::None,
+            };
+        }
+        // A lamp at the position itself has no direction.
+        if self.position() == Some(at.position) {
+            return StraightLight::OfSurface;
+        }
+        // Lights without a surface draw no numbers.
+        match self.connect(at.position, 1.0, &mut Rng::default()) {
+            Some(sample) if sample.irradiance != Rgb::ZERO && sample.wi.dot(at.normal) > 0.0 => {
+                StraightLight::From(sample.target)
             }
-            Self::Point { .. } | Self::Spot(_) | Self::Directional(_) | Self::Luminaire(_) => {
-                // A lamp at the position itself has no direction.
-                if self.position() == Some(at.position) {
-                    return StraightLight::OfSurface;
-                }
-                // Lights without a surface draw no numbers.
-                match self.connect(at.position, 1.0, &mut Rng::default()) {
-                    Some(sample)
-                        if sample.irradiance != Rgb::ZERO && sample.wi.dot(at.normal) > 0.0 =>
-                    {
-                        StraightLight::From(sample.target)
-                    }
-                    _ => StraightLight::None,
-                }
-            }
+            _ => StraightLight::None,
         }
     }
 }
