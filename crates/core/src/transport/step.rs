@@ -35,8 +35,8 @@ pub trait Role {
     /// Handles the arrival of a path at a surface, and samples how it leaves; `None` if it ends.
     fn at_surface(&mut self, vertex: &PathVertex, rng: &mut Rng) -> Option<BsdfSample>;
 
-    /// Handles the arrival of a path where a medium scatters it, and returns false if it ends there.
-    /// May draw random numbers, and changes nothing else of the state.
+    /// Handles the arrival of a path where a medium scatters it, and returns false if it ends
+    /// there. May draw random numbers, and changes nothing else of the state.
     fn arrive_in_medium(&mut self, vertex: &MediumVertex, state: &mut PathState) -> bool;
 
     /// Handles a path that a medium scatters in the direction `next`.
