@@ -40,9 +40,6 @@ const SMALLEST_SCALE: f32 = 0.5;
 /// Largest size of a scene, over the width that its image shows, that decides about radii.
 const SEEN_WIDTHS: f64 = 4.0;
 
-/// Luminance of a technique, over that of the next brightest, up to which it counts in weights.
-const MOST_OF_SECOND: f64 = 4.0;
-
 /// Share of the pilot's time for learning where light paths start.
 const LEARNING_SHARE: f64 = 0.15;
 
@@ -182,7 +179,10 @@ impl Pilot<'_> {
     fn refute(&mut self) {
         let Some(path) = self.tried.iter().find(|own| !own.technique.merges()) else { return };
         let merging = self.tried.iter().filter(|own| own.technique.merges());
-        let weights = &common_weights(merging.map(Tried::luminances));
+        let luminances = |own: &Tried| {
+            own.trials[0].noise.pixels.iter().map(|pixel| pixel.luminance).collect::<Vec<_>>()
+        };
+        let weights = &median_weights(&merging.map(luminances).collect::<Vec<_>>());
         let brightest = self.runner.brightest();
         let is_refuted = |own: &&Tried| {
             let trial = &own.trials[0];
@@ -195,8 +195,17 @@ impl Pilot<'_> {
         self.tried.retain(|own| !self.refuted.contains(&own.technique));
     }
 
+    /// Weights by all trials. Path tracing has no part in them beside others: where it hits a lamp by
+    /// chance, its own luminance would make that noise look small.
     fn weights(&self) -> Vec<f64> {
-        common_weights(self.tried.iter().filter(|own| !own.is_reserve).map(Tried::luminances))
+        let kept = || self.tried.iter().filter(|own| !own.is_reserve);
+        let shares = |own: &&Tried| own.technique.strategy.shares_light();
+        let any_shares = kept().any(|own| shares(&own));
+        let known = kept().filter(|own| !any_shares || shares(own));
+        let trials = known.flat_map(|own| &own.trials);
+        common_weights(
+            trials.map(|trial| trial.noise.pixels.iter().map(|own| own.luminance).collect()),
+        )
     }
 
     /// Runs a trial, and lets it know the light that all trials so far found at least.
@@ -314,15 +323,6 @@ impl Pilot<'_> {
 }
 
 impl Tried {
-    /// Luminance of each pixel, mean of its trials.
-    fn luminances(&self) -> Vec<f64> {
-        let of = |pixel: usize| {
-            let trials = self.trials.iter().map(|trial| trial.noise.pixels[pixel].luminance);
-            trials.sum::<f64>() / self.trials.len() as f64
-        };
-        (0..self.trials[0].noise.pixels.len()).map(of).collect()
-    }
-
     /// Whether direct light comes from a photon map that few pixels see.
     fn is_thin(&self, weights: &[f64]) -> bool {
         let found = self.trials.iter().map(|trial| trial.lit_pixels(weights));
@@ -339,44 +339,28 @@ impl Tried {
     }
 }
 
-/// Weights of the pixels' squared errors by the mean of several luminances of them, so that all
-/// techniques have the same weights. The largest luminance of a pixel counts at most as
-/// [`MOST_OF_SECOND`] times the second largest and the mean of these. Else a technique that hits a
-/// lamp once would make its own noise there look small, but not the light that the hit balances:
-/// theory.md (98j).
-pub fn common_weights(luminances: impl Iterator<Item = Vec<f64>>) -> Vec<f64> {
-    let all: Vec<Vec<f64>> = luminances.collect();
-    let pixels = all.first().map_or(0, Vec::len);
-    let largest = |pixel: usize| {
-        all.iter().fold([f64::NEG_INFINITY; 2], |[first, second], own| {
-            [first.max(own[pixel]), second.max(own[pixel].min(first))]
-        })
+/// Weights of the pixels' squared errors by the median of several luminances of them. Rare hits of
+/// path tracing do not change them: the differences at the hits would count for less than those
+/// everywhere else, which they balance.
+fn median_weights(luminances: &[Vec<f64>]) -> Vec<f64> {
+    let pixels = luminances.first().map_or(0, Vec::len);
+    let median = |pixel: usize| {
+        let mut all: Vec<f64> = luminances.iter().map(|own| own[pixel]).collect();
+        all.sort_by(f64::total_cmp);
+        all[(all.len() - 1) / 2]
     };
-    let largest: Vec<[f64; 2]> = (0..pixels).map(largest).collect();
-    let mean_second = largest.iter().map(|[_, second]| second).sum::<f64>() / pixels as f64;
-    let mean = |(pixel, [first, second]): (usize, &[f64; 2])| {
-        let sum: f64 = all.iter().map(|own| own[pixel]).sum();
-        let most = MOST_OF_SECOND * second.max(0.0) + mean_second;
-        let above = if all.len() > 1 { (first - most).max(0.0) } else { 0.0 };
-        (sum - above) / all.len() as f64
-    };
-    luminance_weights(&largest.iter().enumerate().map(mean).collect::<Vec<_>>())
+    luminance_weights(&(0..pixels).map(median).collect::<Vec<_>>())
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_hit_of_a_single_technique_hardly_changes_its_weight() {
-        let weights = |own: [[f64; 3]; 3]| common_weights(own.into_iter().map(Vec::from));
-        let plain = weights([[1.0, 2.0, 3.0]; 3]);
-        let hit = weights([[1.0, 2.0, 3.0], [1.0, 2e4, 3.0], [1.0, 2.0, 3.0]]);
-        // At most 4 times the others and the mean of 2: a third of 14 in place of 2.
-        assert!(hit[1] > 0.17 * plain[1], "{hit:?} {plain:?}");
-        // Light that two techniques find is there.
-        let light = weights([[1.0, 2.0, 3.0], [1.0, 200.0, 3.0], [1.0, 200.0, 3.0]]);
-        assert!(light[1] < 1e-3 * plain[1], "{light:?} {plain:?}");
-        assert_eq!(common_weights([vec![1.0, 3.0]].into_iter()), luminance_weights(&[1.0, 3.0]));
+/// Weights of the pixels' squared errors by the mean of several luminances of them, so that all
+/// techniques have the same weights.
+pub fn common_weights(luminances: impl Iterator<Item = Vec<f64>>) -> Vec<f64> {
+    let (mut mean, mut count) = (Vec::new(), 0.0);
+    for own in luminances {
+        mean.resize(own.len(), 0.0);
+        mean.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+        count += 1.0;
     }
+    mean.iter_mut().for_each(|sum| *sum /= count);
+    luminance_weights(&mean)
 }
