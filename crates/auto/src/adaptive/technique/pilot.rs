@@ -195,14 +195,8 @@ impl Pilot<'_> {
         self.tried.retain(|own| !self.refuted.contains(&own.technique));
     }
 
-    /// Weights by all trials. Path tracing has no part in them beside others: where it hits a lamp by
-    /// chance, its own luminance would make that noise look small.
     fn weights(&self) -> Vec<f64> {
-        let kept = || self.tried.iter().filter(|own| !own.is_reserve);
-        let shares = |own: &&Tried| own.technique.strategy.shares_light();
-        let any_shares = kept().any(|own| shares(&own));
-        let known = kept().filter(|own| !any_shares || shares(own));
-        let trials = known.flat_map(|own| &own.trials);
+        let trials = self.tried.iter().filter(|own| !own.is_reserve).flat_map(|own| &own.trials);
         common_weights(
             trials.map(|trial| trial.noise.pixels.iter().map(|own| own.luminance).collect()),
         )

@@ -128,11 +128,7 @@ impl Track<'_, '_> {
 
     /// Ranks all lanes by what they have measured so far.
     fn judge(&mut self, racers: &mut [Racer]) {
-        // Where path tracing hits a lamp by chance, its own mean would make that noise look small.
-        let shares = |racer: &&Racer| racer.finalist.model.technique.strategy.shares_light();
-        let any_shares = racers.iter().any(|racer| shares(&racer));
-        let known = racers.iter().filter(|racer| !any_shares || shares(racer));
-        let weights = common_weights(known.map(|racer| racer.lane.luminances()));
+        let weights = common_weights(racers.iter().map(|racer| racer.lane.luminances()));
         let measure = |racer: &Racer| racer.lane.measured(self.runner, &weights);
         let measured: Vec<Option<LaneMeasurement>> = racers.iter().map(measure).collect();
         let sharp = racers.iter().zip(&measured);
