@@ -40,6 +40,11 @@ const SMALLEST_SCALE: f32 = 0.5;
 /// Largest size of a scene, over the width that its image shows, that decides about radii.
 const SEEN_WIDTHS: f64 = 4.0;
 
+/// Luminance of a pixel over that of others from which on it is a hit by chance, and the share of
+/// all light in such hits that makes a technique useless for weights.
+const FAR_ABOVE: f64 = 4.0;
+const LUCKY_SHARE: f64 = 0.2;
+
 /// Share of the pilot's time for learning where light paths start.
 const LEARNING_SHARE: f64 = 0.15;
 
@@ -195,11 +200,38 @@ impl Pilot<'_> {
         self.tried.retain(|own| !self.refuted.contains(&own.technique));
     }
 
+    /// Weights by all trials, but for path tracing that hit a lamp by chance: its own luminance would
+    /// make that noise look small.
     fn weights(&self) -> Vec<f64> {
-        let trials = self.tried.iter().filter(|own| !own.is_reserve).flat_map(|own| &own.trials);
+        let known = self.tried.iter().filter(|own| !own.is_reserve && !self.is_lucky(own));
+        let trials = known.flat_map(|own| &own.trials);
         common_weights(
             trials.map(|trial| trial.noise.pixels.iter().map(|own| own.luminance).collect()),
         )
+    }
+
+    /// Tests whether much of the light of a technique whose pixels share nothing is far above the
+    /// mean of the others in its pixels.
+    fn is_lucky(&self, own: &Tried) -> bool {
+        let others: Vec<&Tried> =
+            self.tried.iter().filter(|other| other.technique.strategy.shares_light()).collect();
+        if own.technique.strategy.shares_light() || others.is_empty() {
+            return false;
+        }
+        let luminance = |of: &Tried, pixel: usize| of.trials[0].noise.pixels[pixel].luminance;
+        let mean = |pixel: usize| {
+            others.iter().map(|other| luminance(other, pixel)).sum::<f64>() / others.len() as f64
+        };
+        let pixels = own.trials[0].noise.pixels.len();
+        let means: Vec<f64> = (0..pixels).map(mean).collect();
+        let mean = means.iter().sum::<f64>() / pixels as f64;
+        let (mut above, mut all) = (0.0, 0.0);
+        for (pixel, around) in means.iter().enumerate() {
+            let own = luminance(own, pixel);
+            above += (own - FAR_ABOVE * (around + mean)).max(0.0);
+            all += own;
+        }
+        above > LUCKY_SHARE * all
     }
 
     /// Runs a trial, and lets it know the light that all trials so far found at least.
