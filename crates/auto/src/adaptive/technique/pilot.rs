@@ -200,8 +200,8 @@ impl Pilot<'_> {
         self.tried.retain(|own| !self.refuted.contains(&own.technique));
     }
 
-    /// Weights by all trials, but for path tracing that hit a lamp by chance: its own luminance would
-    /// make that noise look small.
+    /// Weights by all trials, but for path tracing that hit a lamp by chance: its own luminance
+    /// would make that noise look small.
     fn weights(&self) -> Vec<f64> {
         let known = self.tried.iter().filter(|own| !own.is_reserve && !self.is_lucky(own));
         let trials = known.flat_map(|own| &own.trials);
