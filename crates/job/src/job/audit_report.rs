@@ -115,11 +115,8 @@ impl AuditReport {
             .map_or(0.0, |mean| ((mean.ratio - 1.0).abs() - bias.value.sqrt()) / mean.error);
         let is_different = beyond > threshold || mean_beyond > threshold;
         let regions = if is_different { difference.regions(RISK) } else { Vec::new() };
-        let is_darker = |own: &MeanDifference| own.ratio < 1.0 - threshold * own.error;
-        let is_brighter =
-            difference.is_brighter() && !difference.mean.as_ref().is_some_and(is_darker);
-        let is_bright =
-            difference.excess() > 0.0 && regions.first().map_or(is_brighter, |own| own.ratio > 1.0);
+        let is_bright = difference.excess() > 0.0
+            && regions.first().map_or(difference.is_brighter(threshold), |own| own.ratio > 1.0);
         let verdict = match is_different {
             false => Verdict::Agrees,
             true if is_bright && *expected_hits < MIN_HITS => Verdict::Unclear,

@@ -393,11 +393,13 @@ impl Difference {
     }
 
     /// Whether the image is brighter than the other estimate where they differ: in tiles that score
-    /// at least 2. In others, rare hits of the other estimate may balance it.
+    /// at least 2. In others, rare hits of the other estimate may balance it, unless its mean is
+    /// higher by this number of standard errors.
     #[inline]
-    pub fn is_brighter(&self) -> bool {
+    pub fn is_brighter(&self, threshold: f64) -> bool {
         let excess = self.excess();
-        excess > 0.0 && excess + self.difference_where(|score| score < -2.0) > 0.0
+        let is_darker = self.mean.is_some_and(|own| own.ratio < 1.0 - threshold * own.error);
+        !is_darker && excess > 0.0 && excess + self.difference_where(|score| score < -2.0) > 0.0
     }
 
     /// Mean over the image of the differences in tiles with these scores, W/(m^2 sr).

@@ -17,6 +17,28 @@ const PARTS: f64 = 4.0;
 /// Number of hits that path tracing must expect of light that it does not find.
 const MIN_HITS: f64 = 10.0;
 
+/// Luminance of a pixel, over that of others and the mean of all, from which on it is a hit by
+/// chance.
+const FAR_ABOVE: f64 = 4.0;
+
+/// Share of the light in such hits from which on a trial says nothing about its noise.
+const LUCKY_SHARE: f64 = 0.2;
+
+/// Whether much of the light of path tracing is far above the mean of the other techniques in its
+/// pixels: it hit a lamp by chance. theory.md, section 22a
+pub fn is_lucky(path: &[f64], others: &[Vec<f64>]) -> bool {
+    if others.is_empty() {
+        return false;
+    }
+    let around =
+        |pixel: usize| others.iter().map(|other| other[pixel]).sum::<f64>() / others.len() as f64;
+    let around: Vec<f64> = (0..path.len()).map(around).collect();
+    let mean = around.iter().sum::<f64>() / path.len() as f64;
+    let above = |(own, around): (&f64, &f64)| (own - FAR_ABOVE * (around + mean)).max(0.0);
+    let above: f64 = path.iter().zip(&around).map(above).sum();
+    above > LUCKY_SHARE * path.iter().sum::<f64>()
+}
+
 /// Whether the mean of a trial disagrees with that of path tracing, beyond noise and the squared
 /// relative bias `bias2`. No path is likely to find more than the luminance `brightest`. theory.md
 /// (98g)
@@ -100,6 +122,22 @@ mod tests {
             refuted_by_mean += u32::from(refutes(&mean));
         }
         assert!(refuted_by_mean > 4, "{refuted_by_mean}");
+    }
+
+    /// A lamp behind waves that a few pixels hit, and the noise of path tracing in a room.
+    #[test]
+    fn few_hits_with_much_of_the_light_are_luck_and_noise_is_none() {
+        let luminances = |own: Vec<[f64; 2]>| own.iter().map(|[own, _]| *own).collect::<Vec<f64>>();
+        let others: Vec<Vec<f64>> = (1..4).map(|run| luminances(image(run, 0.1, 0.03))).collect();
+        let mut hits = vec![0.05; PIXELS];
+        (0..5).for_each(|hit| hits[400 * hit] = 20.0);
+        assert!(is_lucky(&hits, &others));
+        assert!(!is_lucky(&hits, &[]), "nothing else is known");
+        assert!(!is_lucky(&luminances(image(5, 0.1, 0.1)), &others), "noise");
+        // A caustic that the others see, too
+        let mut caustic = others.clone();
+        caustic.iter_mut().for_each(|own| own[..20].fill(20.0));
+        assert!(!is_lucky(&caustic[0], &caustic[1..]));
     }
 
     #[test]

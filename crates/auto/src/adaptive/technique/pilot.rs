@@ -5,7 +5,7 @@ use super::alternatives::Alternatives;
 use super::beam_times::MOST_TIMED;
 use super::candidate_cost::{Best, CandidateCost, InMedia};
 use super::candidates::SceneTraits;
-use super::compared_trials::disagrees;
+use super::compared_trials::{disagrees, is_lucky};
 use super::model::{ENOUGH_FOUND, ImageScale, LARGEST_SCALE, Model};
 use super::race::{Track, race};
 use super::seen_surfaces::width_seen;
@@ -39,11 +39,6 @@ const SMALLEST_SCALE: f32 = 0.5;
 
 /// Largest size of a scene, over the width that its image shows, that decides about radii.
 const SEEN_WIDTHS: f64 = 4.0;
-
-/// Luminance of a pixel over that of others from which on it is a hit by chance, and the share of
-/// all light in such hits that makes a technique useless for weights.
-const FAR_ABOVE: f64 = 4.0;
-const LUCKY_SHARE: f64 = 0.2;
 
 /// Share of the pilot's time for learning where light paths start.
 const LEARNING_SHARE: f64 = 0.15;
@@ -184,10 +179,7 @@ impl Pilot<'_> {
     fn refute(&mut self) {
         let Some(path) = self.tried.iter().find(|own| !own.technique.merges()) else { return };
         let merging = self.tried.iter().filter(|own| own.technique.merges());
-        let luminances = |own: &Tried| {
-            own.trials[0].noise.pixels.iter().map(|pixel| pixel.luminance).collect::<Vec<_>>()
-        };
-        let weights = &median_weights(&merging.map(luminances).collect::<Vec<_>>());
+        let weights = &median_weights(&merging.map(Tried::luminances).collect::<Vec<_>>());
         let brightest = self.runner.brightest();
         let is_refuted = |own: &&Tried| {
             let trial = &own.trials[0];
@@ -210,28 +202,11 @@ impl Pilot<'_> {
         )
     }
 
-    /// Tests whether much of the light of a technique whose pixels share nothing is far above the
-    /// mean of the others in its pixels.
+    /// Tests whether a technique whose pixels share no light hit a lamp by chance.
     fn is_lucky(&self, own: &Tried) -> bool {
-        let others: Vec<&Tried> =
-            self.tried.iter().filter(|other| other.technique.strategy.shares_light()).collect();
-        if own.technique.strategy.shares_light() || others.is_empty() {
-            return false;
-        }
-        let luminance = |of: &Tried, pixel: usize| of.trials[0].noise.pixels[pixel].luminance;
-        let mean = |pixel: usize| {
-            others.iter().map(|other| luminance(other, pixel)).sum::<f64>() / others.len() as f64
-        };
-        let pixels = own.trials[0].noise.pixels.len();
-        let means: Vec<f64> = (0..pixels).map(mean).collect();
-        let mean = means.iter().sum::<f64>() / pixels as f64;
-        let (mut above, mut all) = (0.0, 0.0);
-        for (pixel, around) in means.iter().enumerate() {
-            let own = luminance(own, pixel);
-            above += (own - FAR_ABOVE * (around + mean)).max(0.0);
-            all += own;
-        }
-        above > LUCKY_SHARE * all
+        let shares = |own: &Tried| own.technique.strategy.shares_light();
+        let others = self.tried.iter().filter(|own| shares(own)).map(Tried::luminances);
+        !shares(own) && is_lucky(&own.luminances(), &others.collect::<Vec<_>>())
     }
 
     /// Runs a trial, and lets it know the light that all trials so far found at least.
@@ -349,6 +324,11 @@ impl Pilot<'_> {
 }
 
 impl Tried {
+    /// Luminance of each pixel by the first trial, W/(m^2 sr).
+    fn luminances(&self) -> Vec<f64> {
+        self.trials[0].noise.pixels.iter().map(|pixel| pixel.luminance).collect()
+    }
+
     /// Whether direct light comes from a photon map that few pixels see.
     fn is_thin(&self, weights: &[f64]) -> bool {
         let found = self.trials.iter().map(|trial| trial.lit_pixels(weights));
