@@ -19,7 +19,7 @@ run() { # package, test
         2>/dev/null | sed -n 's/.*"executable":"\([^"]*\)".*/\1/p' | tail -n 1)
     shift 2
     echo "valgrind $binary"
-    valgrind --quiet --error-exitcode=1 --leak-check=full --show-leak-kinds=definite \
+    valgrind --quiet --suppressions=scripts/valgrind.supp --error-exitcode=1 --leak-check=full --show-leak-kinds=definite \
         --errors-for-leak-kinds=definite "$binary" --test-threads=1 "$@"
 }
 

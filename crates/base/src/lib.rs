@@ -15,6 +15,7 @@ pub mod duration;
 pub mod iteration_set;
 pub mod rng;
 pub mod math;
+pub mod angles;
 pub mod photometry;
 pub mod pool;
 pub mod quantiles;

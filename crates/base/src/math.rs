@@ -236,7 +236,7 @@ pub fn uniform_wide_disc(u: [f64; 2]) -> [f64; 2] {
 
 /// Barycentric weights of the second and third vertex, uniform over a triangle's area.
 /// theory.md (10).
-#[inline]
+#[inline(always)] // part of vector loops
 pub fn uniform_triangle([u, v]: [f32; 2]) -> [f32; 2] {
     let s = u.sqrt();
     [s * (1.0 - v), s * v]

@@ -3,6 +3,7 @@
 use super::emitter::Emitter;
 use super::environment::Environment;
 use super::regions::RegionProbs;
+use super::triangle_points::TriangleQueue;
 use super::{LightSample, Lights, Receiver};
 use crate::base::rng::{Draw, Rng};
 use crate::simd::LANES;
@@ -128,15 +129,20 @@ impl Lights {
         rngs: &mut [R],
         samples: &mut [Option<LightSample>],
     ) {
-        let mut skies = Skies::default();
+        let (mut skies, mut triangles) = <(Skies, TriangleQueue)>::default();
         for (number, (chosen, rng)) in chosen.iter().zip(rngs.iter_mut()).enumerate() {
             samples[number] = None;
             let Some(ChosenLight { index, prob, at }) = *chosen else { continue };
-            match self.emitters.get(index) {
-                Some(emitter) => samples[number] = emitter.connect(at.position, prob, rng),
-                None => skies.add(number, prob, at),
+            let Some(emitter) = self.emitters.get(index) else {
+                skies.add(number, prob, at);
+                continue;
+            };
+            match emitter.lone_triangle() {
+                Some(shape) => triangles.add(number, shape, at.position, rng.next_2d()),
+                None => samples[number] = emitter.connect(at.position, prob, rng),
             }
         }
+        self.connect_triangles(&triangles, chosen, samples);
         self.choose_directions(&mut skies, rngs);
         self.connect_skies(&skies, samples);
         if self.has_weighted_guide() {
@@ -169,6 +175,22 @@ impl Lights {
             skies.probs[own] *= density;
             let rng = &mut rngs[skies.lanes[own]];
             skies.numbers[own] = Environment::connection_numbers(region, rng);
+        }
+    }
+
+    fn connect_triangles(
+        &self,
+        triangles: &TriangleQueue,
+        chosen: &[Option<ChosenLight>],
+        samples: &mut [Option<LightSample>],
+    ) {
+        if triangles.numbers().is_empty() {
+            return;
+        }
+        let points = triangles.points();
+        for (lane, &number) in triangles.numbers().iter().enumerate() {
+            let Some(ChosenLight { index, prob, .. }) = chosen[number] else { continue };
+            samples[number] = self.emitters[index].connect_point(&points.get(lane), prob);
         }
     }
 

@@ -6,6 +6,7 @@ use super::enclosure::Enclosure;
 use super::luminaire::{OpeningEmitter, PointLuminaire};
 use super::solid_angle::SphericalTriangle;
 pub use super::spot::{Falloff, Spot};
+use super::triangle_points::TrianglePoint;
 use super::{Emission, LightSample, below_one};
 use crate::base::math::{
     Bounds, Rgb, cosine_hemisphere, cosine_hemisphere_inverse, luminance, uniform_sphere,
@@ -84,6 +85,7 @@ impl Directional {
 }
 
 /// Unit vector from `position` to `target`, and the square of their distance.
+#[inline(always)] // part of a vector loop
 pub(super) fn toward(target: Vec3, position: Vec3) -> (Vec3, f32) {
     let to_light = target - position;
     let distance2 = to_light.length_squared();
@@ -125,32 +127,7 @@ impl Triangle {
         [a, b, c, d]
     }
 
-    /// Connects `position` with a point that emits `radiance`, a function of its barycentric
-    /// weights; `None` from behind.
-    pub(super) fn connect(
-        &self,
-        position: Vec3,
-        radiance: impl FnOnce([f32; 2]) -> Rgb,
-        prob: f32,
-        rng: &mut impl Draw,
-    ) -> Option<LightSample> {
-        let random = rng.next_2d();
-        let near = SphericalTriangle::if_near(self, position);
-        let at = near.as_ref().map_or_else(|| uniform_triangle(random), |near| near.sample(random));
-        let target = self.point(at) + self.normal * self.offset;
-        let (wi, distance2) = toward(target, position);
-        let cos_light = -wi.dot(self.normal);
-        // The reciprocal of the density in solid angle.
-        // theory.md (14) where it is near
-        let inverse_pdf_w = near
-            .map_or_else(|| cos_light * self.area() / distance2, |near| near.solid_angle())
-            / prob;
-        let irradiance = radiance(at) * inverse_pdf_w;
-        let sample = LightSample { target, wi, irradiance, relative: 1.0, inverse_pdf_w };
-        (cos_light > 0.0).then_some(sample)
-    }
-
-    /// Reciprocal of the density in solid angle with which [`Self::connect`] chooses the point
+    /// Reciprocal of the density in solid angle with which [`Self::point_to_light`] chooses the point
     /// `origin`, sr; `direction` leads from it to `position`.
     pub(super) fn inverse_pdf_w(&self, origin: Vec3, direction: Vec3, position: Vec3) -> f32 {
         SphericalTriangle::if_near(self, position).map_or_else(
@@ -339,6 +316,33 @@ impl Emitter {
         }
     }
 
+    /// The triangle that is all of the light, which [`Self::connect_point`] connects; `None` for
+    /// others.
+    pub(super) fn lone_triangle(&self) -> Option<&Triangle> {
+        match self {
+            Self::Triangle { shape, .. } => Some(shape),
+            Self::Textured(panel) => Some(&panel.shape),
+            Self::Point { .. }
+            | Self::Spot(_)
+            | Self::Directional(_)
+            | Self::Luminaire(_)
+            | Self::Opening(_) => None,
+        }
+    }
+
+    /// Connects a point of [`Self::lone_triangle`]; the light was chosen with probability `prob`.
+    pub(super) fn connect_point(&self, point: &TrianglePoint, prob: f32) -> Option<LightSample> {
+        match self {
+            Self::Triangle { radiance, .. } => point.sample(*radiance, prob),
+            Self::Textured(panel) => panel.connect_point(point, prob),
+            Self::Point { .. }
+            | Self::Spot(_)
+            | Self::Directional(_)
+            | Self::Luminaire(_)
+            | Self::Opening(_) => None,
+        }
+    }
+
     /// A point on the light to connect `position` with; the light was chosen with probability
     /// `prob`.
     pub(super) fn connect(
@@ -353,10 +357,14 @@ impl Emitter {
                 let irradiance = *intensity * (distance2 * prob).recip();
                 (distance2 > 0.0).then(|| LightSample::of_delta(*target, wi, irradiance))
             }
-            Self::Triangle { shape, radiance } => shape.connect(position, |_| *radiance, prob, rng),
+            Self::Triangle { shape, .. } => {
+                self.connect_point(&shape.point_to_light(position, rng.next_2d()), prob)
+            }
+            Self::Textured(panel) => {
+                self.connect_point(&panel.shape.point_to_light(position, rng.next_2d()), prob)
+            }
             Self::Spot(spot) => spot.connect(position, prob),
             Self::Directional(light) => Some(light.connect(position, prob)),
-            Self::Textured(panel) => panel.connect(position, prob, rng),
             Self::Luminaire(lamp) => lamp.connect(position, prob),
             Self::Opening(lamp) => lamp.connect(position, prob, rng),
         }

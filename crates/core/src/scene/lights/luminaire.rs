@@ -294,11 +294,8 @@ impl OpeningEmitter {
         let chosen = self.choose(|triangle| seen(triangle, position), rng.next_f64());
         let (index, _, own) = chosen?;
         let triangle = &self.triangles[index];
-        let radiance = |at: [f32; 2]| {
-            let target = triangle.point(at) + triangle.normal * triangle.offset;
-            self.opening.radiance((position - target).normalize_or_zero())
-        };
-        let sample = triangle.connect(position, radiance, prob * own, rng)?;
+        let point = triangle.point_to_light(position, rng.next_2d());
+        let sample = point.sample(self.opening.radiance(-point.wi), prob * own)?;
         (sample.irradiance != Rgb::ZERO).then_some(sample)
     }
 

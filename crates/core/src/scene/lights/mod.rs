@@ -17,6 +17,7 @@ pub(crate) mod packets;
 mod regions;
 mod solid_angle;
 mod spot;
+mod triangle_points;
 mod tree_build;
 pub(crate) mod textured_emitter;
 mod tree;

@@ -4,6 +4,7 @@
 //! Where a light touches a surface, points uniform over the light's area give the irradiance
 //! unbounded variance.
 
+use crate::base::angles::{sin_cos, upper_angle};
 use crate::scene::Triangle;
 use glam::{DVec3, Vec3};
 
@@ -11,7 +12,9 @@ use glam::{DVec3, Vec3};
 /// as well.
 const LEAST: f64 = 1e-6;
 
-/// A triangle as seen from a point.
+/// A triangle as seen from a point. Its functions are parts of vector loops: they have neither
+/// branches nor calls.
+#[derive(Clone, Copy)]
 pub(super) struct SphericalTriangle {
     /// From the point to the first corner.
     first: DVec3,
@@ -23,51 +26,71 @@ pub(super) struct SphericalTriangle {
     alpha: [f64; 2],
     /// Solid angle, sr.
     solid_angle: f64,
+    /// Volume that the directions of the corners span: 0 in the triangle's plane.
+    determinant: f64,
+}
+
+/// A vector of unit length, or 0.
+#[inline(always)]
+fn unit(v: DVec3) -> DVec3 {
+    v / v.length().max(f64::MIN_POSITIVE)
 }
 
 /// The part of `v` across the unit vector `axis`, of unit length.
+#[inline(always)]
 fn across(v: DVec3, axis: DVec3) -> DVec3 {
-    (v - v.dot(axis) * axis).normalize_or_zero()
+    unit(v - v.dot(axis) * axis)
+}
+
+/// Tests whether a triangle is nearer than its longest edge: farther ones do not repay the effort.
+#[inline(always)]
+pub(super) fn is_near([origin, edge1, edge2]: [Vec3; 3], position: Vec3) -> bool {
+    let edges = [edge1.length_squared(), edge2.length_squared(), (edge2 - edge1).length_squared()];
+    let longest2 = edges[0].max(edges[1]).max(edges[2]);
+    let to_center = origin + (edge1 + edge2) / 3.0 - position;
+    to_center.length_squared() < longest2
 }
 
 impl SphericalTriangle {
-    /// The spherical triangle if `shape` is nearer than its longest edge: farther ones do not repay
-    /// the effort.
+    /// The spherical triangle if `shape` is near and seen.
     #[inline]
     pub(super) fn if_near(shape: &Triangle, position: Vec3) -> Option<Self> {
-        let Triangle { origin, edge1, edge2, .. } = *shape;
-        let edges = [edge1, edge2, edge2 - edge1].map(Vec3::length_squared);
-        let longest2 = edges[0].max(edges[1]).max(edges[2]);
-        let to_center = origin + (edge1 + edge2) / 3.0 - position;
-        let is_near = to_center.length_squared() < longest2;
-        is_near.then(|| Self::new(shape, position)).flatten()
+        let parts = [shape.origin, shape.edge1, shape.edge2];
+        is_near(parts, position).then(|| Self::new(parts, position)).filter(Self::is_seen)
     }
 
-    /// `None` if the solid angle is too small.
-    fn new(shape: &Triangle, position: Vec3) -> Option<Self> {
-        let first = shape.origin.as_dvec3() - position.as_dvec3();
-        let edges = [shape.edge1.as_dvec3(), shape.edge2.as_dvec3()];
-        let corners =
-            [first, first + edges[0], first + edges[1]].map(|corner| corner.normalize_or_zero());
+    /// A triangle of this first corner and these edges from there.
+    #[inline(always)]
+    pub(super) fn new([origin, edge1, edge2]: [Vec3; 3], position: Vec3) -> Self {
+        let first = origin.as_dvec3() - position.as_dvec3();
+        let edges = [edge1.as_dvec3(), edge2.as_dvec3()];
+        let corners = [unit(first), unit(first + edges[0]), unit(first + edges[1])];
         let [a, b, c] = corners;
         // Van Oosterom and Strackee (1983).
         let determinant = a.dot(b.cross(c)).abs();
         // theory.md (14)
-        let solid_angle = 2.0 * determinant.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
+        let solid_angle = 2.0 * upper_angle(determinant, 1.0 + a.dot(b) + b.dot(c) + c.dot(a));
         let (to_b, to_c) = (across(b, a), across(c, a));
         let alpha = [to_b.cross(to_c).length(), to_b.dot(to_c)];
-        // In the triangle's plane no direction hits it, though the angle is 2 pi inside.
-        let is_seen = solid_angle > LEAST && determinant > LEAST * LEAST;
-        is_seen.then_some(Self { first, edges, corners, alpha, solid_angle })
+        Self { first, edges, corners, alpha, solid_angle, determinant }
+    }
+
+    /// Tests whether its solid angle is large enough. In the triangle's plane no direction hits it,
+    /// though the angle is 2 pi inside.
+    #[inline(always)]
+    pub(super) fn is_seen(&self) -> bool {
+        (self.solid_angle > LEAST) & (self.determinant > LEAST * LEAST)
     }
 
     /// Solid angle, sr.
+    #[inline(always)]
     pub(super) fn solid_angle(&self) -> f32 {
         self.solid_angle as f32
     }
 
     /// Barycentric weights (of the second and third corner) of a point that is uniform over the
     /// solid angle, from a uniform point of the unit square.
+    #[inline(always)]
     pub(super) fn sample(&self, random: [f32; 2]) -> [f32; 2] {
         let w = self.direction(random);
         // The ray's point in the plane (Möller and Trumbore 1997). Rounding may leave the triangle.
@@ -77,22 +100,24 @@ impl SphericalTriangle {
         let q = edge1.cross(self.first);
         let [u, v] = [-self.first.dot(p) / det, w.dot(q) / det];
         let u = u.clamp(0.0, 1.0);
-        [u as f32, v.clamp(0.0, 1.0 - u) as f32]
+        [u as f32, v.max(0.0).min(1.0 - u) as f32]
     }
 
     /// A unit direction that is uniform over the solid angle.
+    #[inline(always)]
     fn direction(&self, [u, v]: [f32; 2]) -> DVec3 {
         let [a, b, c] = self.corners;
         // The triangle ABC' of the share u of the angle; c is the side AB. Section 2 there.
         let [sin_alpha, cos_alpha] = self.alpha;
         // Sine and cosine of the share of the solid angle less the angle.
-        let (sin, cos) = (f64::from(u) * self.solid_angle).sin_cos();
+        let (sin, cos) = sin_cos(f64::from(u) * self.solid_angle);
         let s = sin * cos_alpha - cos * sin_alpha;
         let t = cos * cos_alpha + sin * sin_alpha;
         let p = t - cos_alpha;
         let q = s + sin_alpha * a.dot(b);
         let cos_b = ((q * t - p * s) * cos_alpha - q) / ((q * s + p * t) * sin_alpha);
-        let cos_b = if cos_b.is_finite() { cos_b.clamp(-1.0, 1.0) } else { 1.0 };
+        // No number at the corner itself.
+        let cos_b = if cos_b.abs() < f64::INFINITY { cos_b.clamp(-1.0, 1.0) } else { 1.0 };
         let moved = cos_b * a + (1.0 - cos_b * cos_b).sqrt() * across(c, a);
         // A point on the arc from B to C'.
         let z = 1.0 - f64::from(v) * (1.0 - moved.dot(b));
@@ -117,7 +142,8 @@ mod tests {
             [Vec3::new(0.1, 0.0, 0.05), Vec3::new(5.0, 0.0, 0.05), Vec3::new(5.0, 0.3, 0.05)];
         for corners in [far, near, needle] {
             let shape = Triangle::new(corners, 0);
-            let seen = SphericalTriangle::new(&shape, Vec3::ZERO).expect("large");
+            let seen = SphericalTriangle::new([shape.origin, shape.edge1, shape.edge2], Vec3::ZERO);
+            assert!(seen.is_seen());
             let moments =
                 |w: DVec3| [1.0, w.x, w.y, w.x * w.x, w.x * w.y, w.y * w.y, w.z * w.z * w.x];
             let n = 400_000;
@@ -162,7 +188,8 @@ mod tests {
         let shape = Triangle::new([Vec3::ZERO, Vec3::X, Vec3::Y], 0);
         let inside = Vec3::new(0.3, 0.2, 0.0);
         for from in [Vec3::new(3.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 1e5), Vec3::ZERO, inside] {
-            assert!(SphericalTriangle::new(&shape, from).is_none(), "{from}");
+            let seen = SphericalTriangle::new([shape.origin, shape.edge1, shape.edge2], from);
+            assert!(!seen.is_seen(), "{from}");
         }
         assert!(SphericalTriangle::if_near(&shape, Vec3::splat(1.0)).is_some());
         assert!(SphericalTriangle::if_near(&shape, Vec3::splat(3.0)).is_none());

@@ -1,12 +1,12 @@
 //! Triangles whose emission varies: by a texture, and by the share of rays that meet them.
 
+use super::triangle_points::TrianglePoint;
 use super::{Emission, LightSample};
 use crate::base::math::{Rgb, luminance};
-use crate::base::rng::Draw;
 use crate::scene::alpha_mask::AlphaMask;
 use crate::scene::triangle::interpolate;
 use crate::scene::{Emitter, Material, Texture, Triangle};
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec2};
 
 use std::sync::Arc;
 
@@ -110,18 +110,10 @@ impl TexturedTriangle {
         self.shape.emit(|at| self.radiance(at), prob, numbers)
     }
 
-    pub(super) fn connect(
-        &self,
-        from: Vec3,
-        prob: f32,
-        rng: &mut impl Draw,
-    ) -> Option<LightSample> {
-        let mut radiance = Rgb::ZERO;
-        let at_point = |at| {
-            radiance = self.radiance(at);
-            radiance
-        };
-        let sample = self.shape.connect(from, at_point, prob, rng)?;
+    /// Connects a point of the triangle; the light was chosen with probability `prob`.
+    pub(super) fn connect_point(&self, point: &TrianglePoint, prob: f32) -> Option<LightSample> {
+        let radiance = self.radiance(point.weights);
+        let sample = point.sample(radiance, prob)?;
         let relative = luminance(radiance) / luminance(self.mean);
         (sample.irradiance != Rgb::ZERO).then_some(LightSample { relative, ..sample })
     }
@@ -158,6 +150,7 @@ impl TexturedTriangle {
 mod tests {
     use super::*;
     use crate::scene::bsdf::Bsdf;
+    use glam::Vec3;
 
     /// A material that emits by a texture.
     fn glowing(texture: Arc<Texture>) -> Material {
