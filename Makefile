@@ -110,9 +110,9 @@ check-package: setup
 check-report: setup
 	$(CARGO) test $(FLAGS) $(ALL) --test check -- report:: page::
 	scripts/check-report.sh out/report-quick
-	scripts/check-page.sh out/page
-	scripts/check-mix.sh out/mix
-	scripts/check-measure.sh out/measure
+	scripts/check-pages.sh page out/page
+	scripts/check-pages.sh mix out/mix
+	scripts/check-pages.sh measure out/measure
 
 # All checks that are in no other of `.ci/run`, one after the other: some hours on 2 cores.
 nightly: setup

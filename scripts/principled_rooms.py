@@ -265,10 +265,9 @@ def render(engine, seconds, seed, path):
 
 
 def relative_error(image, reference):
-    """Mean squared difference of the luminance over the squared luminance of the reference, and the ratio of means."""
+    """The squared relative error of the luminance (theory.md (95)), without the worst pixels, and the ratio of means."""
     ours, truth = image @ LUMINANCE, reference @ LUMINANCE
-    floor = 0.01 * truth.mean()
-    errors = (ours - truth) ** 2 / (truth**2 + floor**2)
+    errors = (ours - truth) ** 2 / (truth**2 + 0.01 * truth.mean() ** 2)
     # The brightest thousandth has fireflies of either program.
     kept = np.sort(errors.reshape(-1))[: -max(1, errors.size // 1000)]
     return errors.mean(), kept.mean(), ours.mean() / truth.mean()

@@ -14,9 +14,9 @@ use std::sync::Arc;
 /// Techniques of direct light and merge vertices. `make test` sees sheets by the first four, and
 /// `make check` by the others.
 pub const EVERY_WAY: [(Direct, u32); 8] = [
-    (Direct::Connect, 1),
     (Direct::Connect, MIS),
     (Direct::PhotonMap, 2),
+    (Direct::Connect, 1),
     (Direct::PhotonMap, MIS),
     (Direct::Connect, 2),
     (Direct::Connect, 3),

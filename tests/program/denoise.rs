@@ -210,7 +210,7 @@ fn error_in_sampled_tiles_matches_the_error_of_the_whole_image() {
     for folds in [8, 2] {
         let whole = error(Validation::folds(folds)).whole;
         assert_eq!(whole.tiles, None);
-        let seeds = 60;
+        let seeds = 20;
         let (mut sum, mut squares, mut largest) = (0.0, 0.0, 0.0f64);
         for seed in 0..seeds {
             let sampled = error(Validation { folds, tiles: Some(5), seed });

@@ -165,7 +165,15 @@ impl Scene {
             Bsdf::Plastic(plastic) => Bsdf::Plastic(plastic.with_albedo(albedo)),
             Bsdf::Coated(coated) => Bsdf::Coated(coated.with_albedo(albedo)),
             Bsdf::Glossy(glossy) => Bsdf::Glossy(glossy.with_albedo(albedo)),
-            other => other,
+            // `CoatedBase::of` lets no others in.
+            own @ (Bsdf::Mirror { .. }
+            | Bsdf::Conductor(_)
+            | Bsdf::Dielectric(_)
+            | Bsdf::ThinDielectric(_)
+            | Bsdf::RoughDielectric(_)
+            | Bsdf::Principled(_)
+            | Bsdf::DiffuseTransmission(_)
+            | Bsdf::Klems(_)) => own,
         }
     }
 

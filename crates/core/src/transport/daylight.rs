@@ -8,6 +8,7 @@
 //! not find the sun in mirrors and through curved glass. Paths that leave the scene from there are
 //! counted as if the light of the sun came evenly from its patch of the sky.
 
+use super::path_walker::survives;
 use crate::accel::{Intersect, Ray};
 use crate::base::math::{Rgb, cosine_hemisphere, luminance};
 use crate::base::rng::Rng;
@@ -104,10 +105,9 @@ impl DaylightSums {
             throughput *= sample.weight;
             if segment >= MIN_SEGMENTS {
                 let survival = throughput.max_element().clamp(0.0, MAX_SURVIVAL);
-                if rng.next_1d() >= survival {
+                if !survives(Some(survival), &mut throughput, rng) {
                     return;
                 }
-                throughput /= survival;
             }
             if sample.lobe != Lobe::Delta {
                 connected = sample.wi;

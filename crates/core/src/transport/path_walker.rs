@@ -91,7 +91,7 @@ pub fn radiance<V: PathVisitor>(
 }
 
 /// Plays roulette, if there is a survival probability.
-fn survives(survival: Option<f32>, throughput: &mut Rgb, rng: &mut Rng) -> bool {
+pub(super) fn survives(survival: Option<f32>, throughput: &mut Rgb, rng: &mut Rng) -> bool {
     let Some(survival) = survival else { return true };
     if rng.next_1d() >= survival {
         return false;

@@ -101,9 +101,9 @@ fn of_meter(
     }
     let lights = scene.lights().emitters().iter().filter(|own| own.is_delta()).take(LIGHTS);
     let of_light = |light: &Emitter| {
-        let (direction, distance) = match light {
-            Emitter::Directional(light) => (-light.direction, f32::INFINITY),
-            _ => {
+        let (direction, distance) = match light.parallel() {
+            Some(light) => (-light.direction, f32::INFINITY),
+            None => {
                 let to_light = light.position().unwrap_or(meter.position) - meter.position;
                 (to_light.normalize_or_zero(), to_light.length())
             }

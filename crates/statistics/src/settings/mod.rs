@@ -63,7 +63,8 @@ pub enum Strategy {
     GatherCaustics,
 }
 
-/// What a strategy consists of. No other code tests which strategy it is.
+/// What a strategy consists of. Code that renders tests no more than this; choices of technique
+/// also know which strategy they have measured.
 struct Traits {
     has_photons: bool,
     continues: bool,

@@ -43,7 +43,7 @@ impl Facets {
     pub fn d(&self, m: Vec3) -> f32 {
         match self.model {
             FacetModel::Beckmann => self.beckmann().d(m),
-            _ => self.ggx().d(m),
+            FacetModel::Ggx | FacetModel::Correlated => self.ggx().d(m),
         }
     }
 
@@ -52,7 +52,7 @@ impl Facets {
     pub fn g1(&self, w: Vec3) -> f32 {
         match self.model {
             FacetModel::Beckmann => self.beckmann().g1(w),
-            _ => self.ggx().g1(w),
+            FacetModel::Ggx | FacetModel::Correlated => self.ggx().g1(w),
         }
     }
 
@@ -62,7 +62,7 @@ impl Facets {
     pub fn g2(&self, wo: Vec3, wi: Vec3) -> f32 {
         match self.model {
             FacetModel::Correlated => self.ggx().g2(wo, wi),
-            _ => self.g1(wo) * self.g1(wi),
+            FacetModel::Beckmann | FacetModel::Ggx => self.g1(wo) * self.g1(wi),
         }
     }
 
@@ -77,7 +77,7 @@ impl Facets {
     pub fn sample_visible(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
         match self.model {
             FacetModel::Beckmann => self.beckmann().sample_visible(wo, u),
-            _ => self.ggx().sample_visible(wo, u),
+            FacetModel::Ggx | FacetModel::Correlated => self.ggx().sample_visible(wo, u),
         }
     }
 }

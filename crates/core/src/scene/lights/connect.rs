@@ -70,7 +70,7 @@ impl Lights {
         Some(ConnectedLight {
             sample,
             is_delta: emitter.is_some_and(Emitter::is_delta),
-            is_parallel: emitter.is_none_or(|own| matches!(own, Emitter::Directional(_))),
+            is_parallel: emitter.is_none_or(|own| own.parallel().is_some()),
             chosen,
         })
     }

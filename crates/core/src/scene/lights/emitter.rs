@@ -127,8 +127,8 @@ impl Triangle {
         [a, b, c, d]
     }
 
-    /// Reciprocal of the density in solid angle with which [`Self::point_to_light`] chooses the point
-    /// `origin`, sr; `direction` leads from it to `position`.
+    /// Reciprocal of the density in solid angle with which [`Self::point_to_light`] chooses the
+    /// point `origin`, sr; `direction` leads from it to `position`.
     pub(super) fn inverse_pdf_w(&self, origin: Vec3, direction: Vec3, position: Vec3) -> f32 {
         SphericalTriangle::if_near(self, position).map_or_else(
             || direction.dot(self.normal) * self.area() / origin.distance_squared(position),
@@ -168,7 +168,24 @@ impl Emitter {
                 Self::Triangle { shape: shape.flipped(), radiance: *radiance }
             }
             Self::Textured(panel) => Self::Textured(Box::new(panel.flipped())),
-            other => other.clone(),
+            Self::Point { .. }
+            | Self::Spot(_)
+            | Self::Directional(_)
+            | Self::Luminaire(_)
+            | Self::Opening(_) => self.clone(),
+        }
+    }
+
+    /// Parallel light; `None` for all that has a position.
+    pub fn parallel(&self) -> Option<&Directional> {
+        match self {
+            Self::Directional(light) => Some(light),
+            Self::Point { .. }
+            | Self::Spot(_)
+            | Self::Triangle { .. }
+            | Self::Textured(_)
+            | Self::Luminaire(_)
+            | Self::Opening(_) => None,
         }
     }
 

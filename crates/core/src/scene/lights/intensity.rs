@@ -5,6 +5,7 @@
 //!
 //! Directions are in the frame of the luminaire: it hangs with -z down, and x and y are horizontal.
 
+use super::spot::inverted;
 use glam::DVec3;
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
@@ -265,25 +266,9 @@ impl IntensityDistribution {
     fn polar_angle(&self, row: usize, rest: f64) -> f64 {
         let (from, to) = (self.polar[row], self.polar[row + 1]);
         let line = self.ring_line(row);
-        let (mut low, mut high) = (from, to);
-        let mut at = 0.5 * (from + to);
-        // Newton steps that stay within the bracket
-        for _ in 0..60 {
-            let excess = ring_integral(line, from, at) - rest;
-            if excess > 0.0 {
-                high = at
-            } else {
-                low = at
-            }
-            let slope = (line[0] + line[1] * at) * at.sin();
-            let next = at - excess / slope;
-            let next = if next > low && next < high { next } else { 0.5 * (low + high) };
-            if (next - at).abs() <= 1e-14 {
-                return next;
-            }
-            at = next;
-        }
-        at
+        inverted(rest, [from, to], 0.5 * (from + to), |at| {
+            [ring_integral(line, from, at), (line[0] + line[1] * at) * at.sin()]
+        })
     }
 
     /// The integral over the azimuth in a row of cells, a linear function of the polar angle, cd

@@ -52,12 +52,10 @@ impl EstimateSampler {
     /// A sampler of all `emitters`.
     pub(super) fn new(emitters: &[Emitter]) -> Self {
         let own = || (0..).zip(emitters);
-        let sun = |(index, emitter): (u32, &Emitter)| match emitter {
-            Emitter::Directional(light) => {
-                let irradiance = luminance(light.irradiance);
-                Some(DistantLight { index, irradiance, toward: Some(-light.direction) })
-            }
-            _ => None,
+        let sun = |(index, emitter): (u32, &Emitter)| {
+            let light = emitter.parallel()?;
+            let irradiance = luminance(light.irradiance);
+            Some(DistantLight { index, irradiance, toward: Some(-light.direction) })
         };
         let near = Arc::new(LightTree::new(own()));
         Self { near, far: own().filter_map(sun).collect(), visibility: None }

@@ -62,10 +62,15 @@ fn linear_integral(b: f64, c: f64) -> f64 {
     versine(middle) - versine(b) + middle.cos() * sinc
 }
 
-/// The number in [0, 1] at which an increasing function, given with its slope, has the value
-/// `target`: Newton steps that stay within a bracket.
-fn inverted(target: f64, start: f64, function: impl Fn(f64) -> [f64; 2]) -> f64 {
-    let (mut low, mut high, mut at) = (0.0, 1.0, start);
+/// The number in a bracket at which an increasing function, given with its slope, has the value
+/// `target`: Newton steps that stay within the bracket.
+pub(super) fn inverted(
+    target: f64,
+    [mut low, mut high]: [f64; 2],
+    start: f64,
+    function: impl Fn(f64) -> [f64; 2],
+) -> f64 {
+    let mut at = start;
     for _ in 0..60 {
         let [value, slope] = function(at);
         if value > target {
@@ -120,7 +125,7 @@ impl Spot {
         let ends = self.versines();
         let [at, inner, outer] = match self.falloff {
             Falloff::LinearInAngle => [versine, ends[0], ends[1]].map(angle),
-            _ => [versine, ends[0], ends[1]],
+            Falloff::Quadratic | Falloff::Smoothstep => [versine, ends[0], ends[1]],
         };
         ((outer - at) / (outer - inner)).clamp(0.0, 1.0)
     }
@@ -133,7 +138,7 @@ impl Spot {
                 let [inner, outer] = [inner, outer].map(angle);
                 2.0 * (0.5 * (outer - place * (outer - inner))).sin().powi(2)
             }
-            _ => outer - place * (outer - inner),
+            Falloff::Quadratic | Falloff::Smoothstep => outer - place * (outer - inner),
         }
     }
 
@@ -156,13 +161,13 @@ impl Spot {
         let start = outside.cbrt();
         match self.falloff {
             Falloff::Quadratic => start,
-            Falloff::Smoothstep => {
-                inverted(outside, start, |t| [t.powi(3) * (2.0 - t), t * t * (6.0 - 4.0 * t)])
-            }
+            Falloff::Smoothstep => inverted(outside, [0.0, 1.0], start, |t| {
+                [t.powi(3) * (2.0 - t), t * t * (6.0 - 4.0 * t)]
+            }),
             Falloff::LinearInAngle => {
                 let [inner, outer] = self.versines().map(angle);
                 let slope = (outer - inner) / linear_integral(inner, outer);
-                inverted(outside, start, |t| {
+                inverted(outside, [0.0, 1.0], start, |t| {
                     [self.outside(t), slope * t * (outer - t * (outer - inner)).sin()]
                 })
             }

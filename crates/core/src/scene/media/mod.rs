@@ -231,8 +231,8 @@ impl Scene {
         // A medium that neither absorbs nor scatters is empty space.
         let medium = medium.filter(|own| own.absorption + own.scattering != Rgb::ZERO);
         let lights = self.lights();
-        let is_far = |emitter: &super::Emitter| matches!(emitter, super::Emitter::Directional(_));
-        if medium.is_some() && (lights.has_environment() || lights.emitters().iter().any(is_far)) {
+        let has_sun = lights.emitters().iter().any(|emitter| emitter.parallel().is_some());
+        if medium.is_some() && (lights.has_environment() || has_sun) {
             let problem =
                 "a medium without bounds absorbs all light of environments, skies and suns";
             let advice = "put the medium into a closed object that is large enough, with index-matched surfaces";

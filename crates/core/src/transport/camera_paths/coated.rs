@@ -16,7 +16,7 @@ use crate::simd::{LANES, Mask, Vec3s, any};
 use crate::transport::gather::{GatherPoint, GatherView};
 use crate::transport::light_paths::survival;
 use crate::transport::mis::Mis;
-use crate::transport::mis::densities::{MIN_DENSITY, Survival, rough_density_of};
+use crate::transport::mis::densities::{MIN_DENSITY, Survival, bounded, rough_density_of};
 use crate::transport::mis::weights::CameraPartial;
 use crate::transport::path_queue::Columns;
 use crate::transport::path_state::{History, PathStates};
@@ -355,13 +355,6 @@ impl CameraPaths {
                 LastVertex { receiver, normal, density, partial, is_diffuse };
         }
     }
-}
-
-/// A ratio of densities where a path passes through, within the bounds of
-/// [`Directions::light_over_camera`](crate::transport::mis::densities::Directions::light_over_camera).
-#[inline(always)]
-fn bounded(ratio: f32) -> f32 {
-    ratio.clamp(MIN_DENSITY, MIN_DENSITY.recip())
 }
 
 /// Density in projected solid angle of the lobes that merge, with survival at the vertex of this

@@ -15,8 +15,9 @@ use crate::transport::step::PathVertex;
 use glam::Vec3;
 use std::array::from_fn;
 
-/// Last vertex of a camera path, for the weight of a light source that the next segment hits.
-#[derive(Clone, Copy, Debug)]
+/// Last vertex of a camera path, for the weight of a light source that the next segment hits. The
+/// default is the camera: light sources that it sees have no other technique.
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LastVertex {
     pub receiver: Receiver,
     /// Unit normal of its triangle.
@@ -28,19 +29,6 @@ pub(super) struct LastVertex {
     pub partial: CameraPartial,
     /// The vertex is diffuse.
     pub is_diffuse: bool,
-}
-
-impl Default for LastVertex {
-    /// The camera: light sources that it sees have no other technique.
-    fn default() -> Self {
-        Self {
-            receiver: Receiver::default(),
-            normal: Vec3::ZERO,
-            density: 0.0,
-            partial: CameraPartial::default(),
-            is_diffuse: false,
-        }
-    }
 }
 
 /// Light that a camera path hits.

@@ -12,6 +12,12 @@ use std::f32::consts::FRAC_1_PI;
 /// Minimum density: rounding may leave a path of one kind where a path of the other kind cannot go.
 pub const MIN_DENSITY: f32 = 1e-9;
 
+/// A ratio of densities where a path passes through, within the bounds of a density.
+#[inline(always)] // part of a vector loop
+pub fn bounded(ratio: f32) -> f32 {
+    ratio.clamp(MIN_DENSITY, MIN_DENSITY.recip())
+}
+
 /// Probability that a path goes on from a lobe that merges. It depends on the vertex alone, so that
 /// paths of both kinds compute the same number. Roulette that depends on a path's throughput counts
 /// as certain survival, for paths of both kinds.
@@ -140,7 +146,7 @@ impl Directions {
             let light = rough_density(bsdf, &at_light, self.camera);
             light * chosen / rough_density(bsdf, &at_camera, self.light)
         };
-        ratio.clamp(MIN_DENSITY, MIN_DENSITY.recip())
+        bounded(ratio)
     }
 
     /// Density with which a camera path goes on toward the light from a rough lobe of `surface`.
