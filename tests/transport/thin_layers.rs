@@ -115,7 +115,7 @@ fn dark_side_of_a_thin_plate_is_a_thousandth_of_the_bright_side() {
             let eye = camera(Vec3::new(0.0, -2.0, 0.0), Vec3::ZERO, 50.0);
             let scene = scene(meshes, vec![gray(0.5, 0.0)], vec![], eye);
             let scene = under(sky(1000.0, 1.0), scene);
-            let settings = merging(Direct::PhotonMap, merge_vertex, 120_000);
+            let settings = merging(Direct::PhotonMap, merge_vertex, 250_000);
             let found = mean_luminance(&scene, &accel(&scene), settings, 16);
             println!("{name}, gap {gap}, k = {merge_vertex}: {found:?}");
             found.assert_is(0.5, 0.0);
