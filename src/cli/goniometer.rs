@@ -3,6 +3,7 @@
 use super::interrupts::catch_interrupts;
 use super::outputs::{self, Attempts, Output};
 use super::progress::{Progress, ProgressFormat};
+use super::render::default_output;
 use super::{positive_time, print_plain_notes, reported, say};
 use bdpm::accel::Intersect;
 use bdpm::base::atomic::write_atomically;
@@ -193,7 +194,7 @@ struct GoniometerReport {
 }
 
 pub fn run(args: &Args) -> Result<String> {
-    let ies = args.output.clone().unwrap_or_else(|| default_output(&args.scene));
+    let ies = args.output.clone().unwrap_or_else(|| default_output(&args.scene, "ies"));
     let mut files = vec![Output::new("--output", &ies, Some("ies"))];
     let others = [("--eulumdat", &args.eulumdat, "ldt"), ("--plot", &args.plot, "svg")];
     for (what, path, extension) in others {
@@ -290,15 +291,6 @@ fn write_files(args: &Args, ies: &Path, own: &IntensityDistribution, name: &str)
         attempts.add(path, || write(path, polar_plot(own, name)));
     }
     attempts.finish()
-}
-
-/// The IES file beside the scene.
-fn default_output(scene: &Path) -> PathBuf {
-    if scene.is_dir() {
-        let name = scene.file_name().map_or("scene".into(), |name| name.to_string_lossy());
-        return PathBuf::from(format!("{name}.ies"));
-    }
-    PathBuf::from(scene.with_extension("ies").file_name().unwrap_or_default())
 }
 
 fn report(

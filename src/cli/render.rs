@@ -217,7 +217,7 @@ fn follow(args: &Args, ranks: &dyn Ranks) -> Result<()> {
 impl Args {
     /// The image file: that of the command line, or the name of the scene in the current folder.
     pub fn output(&self) -> PathBuf {
-        self.output.clone().unwrap_or_else(|| default_output(&self.session.scene.scene))
+        self.output.clone().unwrap_or_else(|| default_output(&self.session.scene.scene, "exr"))
     }
 
     /// Settings of the command line.
@@ -329,13 +329,14 @@ impl Args {
     }
 }
 
-/// `NAME.exr` in the current folder for a scene file `NAME.toml` or a folder `NAME`.
-fn default_output(scene: &Path) -> PathBuf {
+/// `NAME.EXTENSION` in the current folder for a scene file `NAME.toml` or a folder `NAME`.
+pub(super) fn default_output(scene: &Path, extension: &str) -> PathBuf {
     // Paths such as `.` get the name of their folder
     let path = scene.canonicalize().unwrap_or_else(|_| scene.to_owned());
     let name = if path.is_dir() { path.file_name() } else { path.file_stem() };
     let mut name = name.unwrap_or_else(|| OsStr::new("image")).to_owned();
-    name.push(".exr");
+    name.push(".");
+    name.push(extension);
     name.into()
 }
 
@@ -388,8 +389,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let scene = folder.path().join("my.room");
         std::fs::create_dir(&scene).unwrap();
-        assert_eq!(default_output(&scene), Path::new("my.room.exr"));
-        assert_eq!(default_output(&scene.join(".")), Path::new("my.room.exr"));
-        assert_eq!(default_output(Path::new("none/my.room.glb")), Path::new("my.room.exr"));
+        assert_eq!(default_output(&scene, "exr"), Path::new("my.room.exr"));
+        assert_eq!(default_output(&scene.join("."), "ies"), Path::new("my.room.ies"));
+        assert_eq!(default_output(Path::new("none/my.room.glb"), "exr"), Path::new("my.room.exr"));
     }
 }

@@ -190,12 +190,6 @@ impl Dispersion {
     pub fn relative(&self, wavelength: Wavelength) -> f32 {
         self.relative[wavelength.index() as usize - 1]
     }
-
-    /// Indices behind the interface over those in front, for all wavelengths.
-    #[inline]
-    pub fn all_relative(&self) -> &[f32] {
-        &self.relative
-    }
 }
 
 #[cfg(test)]

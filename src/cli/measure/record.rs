@@ -1,6 +1,7 @@
 //! What a measurement rests on: the program and its command, the files with their checksums, the
 //! light sources and the surfaces. A report to sign has all of it.
 
+use super::super::page::quoted;
 use bdpm::base::error::{Error, Result};
 use bdpm::base::input::files_read;
 use bdpm::base::math::luminance;
@@ -79,12 +80,7 @@ impl Record {
 
 /// The arguments as a line for a shell, after the name of the program alone.
 fn command(arguments: &[String]) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,:%+@".contains(c);
-    let quoted = |word: &String| match !word.is_empty() && word.chars().all(is_plain) {
-        true => word.clone(),
-        false => format!("'{}'", word.replace('\'', r"'\''")),
-    };
-    let words = arguments.iter().skip(1).map(quoted);
+    let words = arguments.iter().skip(1).map(|word| quoted(word));
     std::iter::once("bdpm".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 

@@ -384,22 +384,12 @@ fn inner_map(shape: Analytic, object: &Object) -> Result<DAffine3> {
                 return Err(object.error("`p0` and `p1` are equal", "give two different points"));
             };
             let radius = radius()?;
-            // The rotation about the axis is that of Mitsuba, because textures show it.
-            let (x, y) = coordinate_system(axis);
+            // The rotation about the axis is that of Mitsuba (Duff et al. 2017), because textures show
+            // it.
+            let (x, y) = axis.any_orthonormal_pair();
             let matrix = DMat3::from_cols(radius * x, radius * y, along);
             Ok(DAffine3 { matrix3: matrix, translation: from })
         }
         _ => Ok(DAffine3::IDENTITY),
     }
-}
-
-/// Two axes that make a right-handed frame with a unit vector (Duff et al. 2017).
-fn coordinate_system(n: DVec3) -> (DVec3, DVec3) {
-    let sign = 1.0_f64.copysign(n.z);
-    let a = -1.0 / (sign + n.z);
-    let b = n.x * n.y * a;
-    (
-        DVec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x),
-        DVec3::new(b, sign + n.y * n.y * a, -n.y),
-    )
 }

@@ -90,11 +90,6 @@ impl CrossValidation {
         self.fold.len()
     }
 
-    /// Luminance of the images that are denoised without one of the folds, row by row.
-    pub fn images(&self) -> &[Vec<f32>] {
-        &self.denoised
-    }
-
     /// Cross-validation of the mixed images. The mix of each fold is estimated from the other
     /// folds.
     pub fn mixed(&self, mix: &Mix) -> Self {
