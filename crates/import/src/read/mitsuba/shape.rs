@@ -384,8 +384,8 @@ fn inner_map(shape: Analytic, object: &Object) -> Result<DAffine3> {
                 return Err(object.error("`p0` and `p1` are equal", "give two different points"));
             };
             let radius = radius()?;
-            // The rotation about the axis is that of Mitsuba (Duff et al. 2017), because textures show
-            // it.
+            // The rotation about the axis is that of Mitsuba (Duff et al. 2017), because textures
+            // show it.
             let (x, y) = axis.any_orthonormal_pair();
             let matrix = DMat3::from_cols(radius * x, radius * y, along);
             Ok(DAffine3 { matrix3: matrix, translation: from })
