@@ -2,7 +2,7 @@
 //! surfaces at a time, as [`Scene::surface`] has one.
 
 use super::bsdf::coat_columns::{CoatedBases, Metals};
-use super::bsdf::coated_base::{CoatedBase, MetalRow};
+use super::bsdf::coated_base::{CoatedBase, MetalRow, with_base_albedo};
 use super::bsdf::coats::SeenCoats;
 use super::bsdf::{Bsdf, Vertex};
 use super::coated_kinds::Kind;
@@ -160,21 +160,7 @@ impl Scene {
             return Bsdf::Glossy(at.bsdf.glossy(lane));
         }
         let albedo = at.bsdf.albedo.get(lane);
-        match self.materials[at.material[lane] as usize].bsdf {
-            Bsdf::Lambertian { two_sided, .. } => Bsdf::Lambertian { albedo, two_sided },
-            Bsdf::Plastic(plastic) => Bsdf::Plastic(plastic.with_albedo(albedo)),
-            Bsdf::Coated(coated) => Bsdf::Coated(coated.with_albedo(albedo)),
-            Bsdf::Glossy(glossy) => Bsdf::Glossy(glossy.with_albedo(albedo)),
-            // `CoatedBase::of` lets no others in.
-            own @ (Bsdf::Mirror { .. }
-            | Bsdf::Conductor(_)
-            | Bsdf::Dielectric(_)
-            | Bsdf::ThinDielectric(_)
-            | Bsdf::RoughDielectric(_)
-            | Bsdf::Principled(_)
-            | Bsdf::DiffuseTransmission(_)
-            | Bsdf::Klems(_)) => own,
-        }
+        with_base_albedo(&self.materials[at.material[lane] as usize].bsdf, albedo)
     }
 
     /// The surfaces of the first `count` hits, which [`Self::lambertian`] found to be of this kind,

@@ -125,6 +125,25 @@ impl CoatedBase {
     }
 }
 
+/// A surface of [`CoatedBase::of`] that is no metal, with a base of this albedo; others as they
+/// are.
+pub(in crate::scene) fn with_base_albedo(bsdf: &Bsdf, albedo: Rgb) -> Bsdf {
+    match *bsdf {
+        Bsdf::Lambertian { two_sided, .. } => Bsdf::Lambertian { albedo, two_sided },
+        Bsdf::Plastic(plastic) => Bsdf::Plastic(plastic.with_albedo(albedo)),
+        Bsdf::Coated(coated) => Bsdf::Coated(coated.with_albedo(albedo)),
+        Bsdf::Glossy(glossy) => Bsdf::Glossy(glossy.with_albedo(albedo)),
+        Bsdf::Mirror { .. }
+        | Bsdf::Conductor(_)
+        | Bsdf::Dielectric(_)
+        | Bsdf::ThinDielectric(_)
+        | Bsdf::RoughDielectric(_)
+        | Bsdf::Principled(_)
+        | Bsdf::DiffuseTransmission(_)
+        | Bsdf::Klems(_) => *bsdf,
+    }
+}
+
 /// A surface as facets over a base, if it is glossy or a metal that reflects by Schlick's
 /// approximation and scatters light between its facets.
 pub(in crate::scene) fn metal_of(bsdf: &Bsdf) -> Option<Glossy> {
