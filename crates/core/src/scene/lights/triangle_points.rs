@@ -154,6 +154,7 @@ impl TriangleQueue {
             any_near |= is_near(self.parts(lane), self.position.get(lane));
         }
         if any_near {
+            // Until the last loop, the reciprocal densities are solid angles, 0 where none is near.
             for lane in begin..begin + EIGHT {
                 let (parts, position) = (self.parts(lane), self.position.get(lane));
                 let seen = SphericalTriangle::new(parts, position);
